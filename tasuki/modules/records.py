@@ -1,0 +1,170 @@
+"""The records of the four-bank memory (paper, Figures 7 and 8), and the named tables that hold them.
+
+The first row of every primitive is the same: kind, attribute, matrix, flags. Pointers to records of one table are indices
+into it. Words that the paper leaves free carry our additions: flags, the highlight's exponent, a quadric's linear term.
+"""
+
+from tasuki.language import Table, f32, i32, record, vec3
+
+TWO_SIDED = 1
+"""Flag: the surface shows from both sides; without it only from outside (n.d < 0)."""
+INSIDE_ONLY = 2
+"""Flag: only the inside of the surface shows."""
+
+
+@record
+class Plane:
+    """normal . P + d = 0; IN where it is negative. The normal has unit length."""
+
+    kind: i32
+    attribute: i32
+    matrix: i32
+    flags: i32
+    normal: vec3
+    d: f32
+
+
+@record
+class Quadric:
+    """(P-p)^T Q (P-p) + l . (P-p) = r; IN where the left side is less. `qi` is the i-th column of the symmetric Q."""
+
+    kind: i32
+    attribute: i32
+    matrix: i32
+    flags: i32
+    centre: vec3
+    constant: f32
+    q1: vec3
+    l1: f32
+    q2: vec3
+    l2: f32
+    q3: vec3
+    l3: f32
+
+
+@record
+class Cone:
+    """An open cone or cylinder without caps: at height h above the base along the unit axis, radius + slope * h."""
+
+    kind: i32
+    attribute: i32
+    matrix: i32
+    flags: i32
+    base: vec3
+    radius: f32
+    axis: vec3
+    length: f32
+    slope: f32
+
+
+@record
+class Triangle:
+    """Corners counterclockwise as seen from the front, and a normal of any length at each."""
+
+    kind: i32
+    attribute: i32
+    matrix: i32
+    flags: i32
+    a: vec3
+    b: vec3
+    c: vec3
+    normal_a: vec3
+    normal_b: vec3
+    normal_c: vec3
+
+
+@record
+class Attribute:
+    """What a surface is made of (paper, Figure 8)."""
+
+    colour: vec3
+    flags: i32
+    ambient: f32
+    diffuse: f32
+    specular: f32
+    exponent: f32
+    reflection: f32
+    transmission: f32
+    index: f32
+    transmittance: vec3
+
+
+@record
+class Light:
+    """A point light."""
+
+    position: vec3
+    kind: i32
+    colour: vec3
+
+
+@record
+class View:
+    """What is drawn: sample (x, y) of the picture lies in direction corner + x * right + y * down from the eye."""
+
+    eye: vec3
+    width: i32
+    corner: vec3
+    height: i32
+    right: vec3
+    samples: i32
+    down: vec3
+    depth: i32
+    background: vec3
+    tiles_across: i32
+    region_x: i32
+    region_y: i32
+    region_width: i32
+    region_height: i32
+
+
+@record
+class BVHNode:
+    """Two boxes and where they lead: a node's index, or -1 - (index * 32 + kind) of a primitive."""
+
+    left_low: vec3
+    left: i32
+    left_high: vec3
+    right: i32
+    right_low: vec3
+    right_high: vec3
+
+
+@record
+class Box:
+    """Bounds of one primitive, and the code that a leaf of the BVH holds for it."""
+
+    low: vec3
+    code: i32
+    high: vec3
+
+
+@record
+class Pixel:
+    """Linear colour of one pixel."""
+
+    colour: vec3
+    coverage: f32
+
+
+@record
+class RayCounts:
+    """Rays that one pixel sent."""
+
+    eye_hits: i32
+    reflection: i32
+    refraction: i32
+    shadow: i32
+
+
+planes = Table(Plane)
+quadrics = Table(Quadric)
+cones = Table(Cone)
+triangles = Table(Triangle)
+attributes = Table(Attribute)
+lights = Table(Light)
+views = Table(View)
+bvh_nodes = Table(BVHNode)
+boxes = Table(Box)
+picture = Table(Pixel)
+ray_counts = Table(RayCounts)
