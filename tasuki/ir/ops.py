@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from tasuki.ir import expansions
-from tasuki.ir.types import BOOL, F32, I32, MAT4, VEC3, VEC4, Matrix, Scalar, Type, Vector
+from tasuki.ir.types import BOOL, F32, I32, MAT4, VEC3, VEC4, Array, Matrix, Scalar, Table, Type, Vector
 
 Sort = Literal["primitive", "composite", "lanes"]
 Reference = Callable[..., np.ndarray]
@@ -38,13 +38,15 @@ class Operation:
     reference: Reference | None = None
     expansion: Callable[..., Any] | None = None
     oracle: Callable[[np.ndarray], np.ndarray] | None = None
-    """In float64: the exact function, where the expansion is an approximation made for float32."""
+    """In float64: the exact function, where the reference or expansion is made for float32."""
 
     def result(self, types: Sequence[Type]) -> Type | None:
         """The type of the result for arguments of these types, or None where the operation does not take them."""
         for parameters, result in self.signatures:
             if tuple(types) == parameters:
                 return result
+        if self.name == "select" and _chooses_whole_values(types):
+            return types[1]
         if self.sort == "primitive":
             return self._elementwise(types)
         return None
@@ -57,6 +59,11 @@ class Operation:
         return shapes.pop() if scalar == F32 else None
 
 
+def _chooses_whole_values(types: Sequence[Type]) -> bool:
+    """`select` takes any two equal types that have leaves; machines choose leaf by leaf."""
+    return len(types) == 3 and types[0] == BOOL and types[1] == types[2] and not isinstance(types[1], Array | Table)
+
+
 def _floor_div(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     quotient = np.floor_divide(a, np.where(b == 0, 1, b))
     return np.where(b == 0, 0, quotient).astype(np.int32)
@@ -66,13 +73,21 @@ def _floor_mod(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.where(b == 0, 0, np.mod(a, np.where(b == 0, 1, b))).astype(np.int32)
 
 
+def _minimum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.where(a < b, a, b)
+
+
+def _maximum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.where(a > b, a, b)
+
+
 def _truncate(a: np.ndarray) -> np.ndarray:
     wide = np.nan_to_num(a.astype(np.float64), nan=0.0, posinf=2.0**31, neginf=-(2.0**31))
     return np.clip(np.trunc(wide), -(2.0**31), 2.0**31 - 1).astype(np.int64).astype(np.int32)
 
 
 def _fma(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """a*b+c rounded once. In float32: the product is exact in float64, and the sum is rounded to odd before narrowing."""
+    """a*b+c rounded once. In float32: the product is exact in float64, the sum is rounded to odd before narrowing."""
     if a.dtype != np.float32:
         return a * b + c
     product = a.astype(np.float64) * b.astype(np.float64)
@@ -96,6 +111,14 @@ def _float_to_bits(a: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(a.astype(np.float32)).view(np.int32)
 
 
+def _to_f32(a: np.ndarray) -> np.ndarray:
+    return a.astype(np.float32)
+
+
+def _to_f64(a: np.ndarray) -> np.ndarray:
+    return a.astype(np.float64)
+
+
 def _select(c: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.where(c, a, b)
 
@@ -110,8 +133,8 @@ _EQUAL = (*_ORDER, ((BOOL, BOOL), BOOL))
 _LOGIC = (((BOOL, BOOL), BOOL), ((I32, I32), I32))
 
 
-def _primitive(name: str, signatures: Any, reference: Reference, doc: str) -> Operation:
-    return Operation(name, "primitive", tuple(signatures), doc, reference=reference)
+def _primitive(name: str, signatures: Any, reference: Reference, doc: str, oracle: Any = None) -> Operation:
+    return Operation(name, "primitive", tuple(signatures), doc, reference=reference, oracle=oracle)
 
 
 def _composite(name: str, signatures: Any, doc: str, oracle: Any = None) -> Operation:
@@ -132,8 +155,8 @@ _TABLE = (
     _primitive("floor_divide", _II_I, _floor_div, "a // b towards minus infinity; x // 0 is 0."),
     _primitive("modulo", _II_I, _floor_mod, "a % b with the sign of b; x % 0 is 0."),
     _primitive("absolute", _NUMBER1, np.abs, "|a|; the least i32 stays itself."),
-    _primitive("minimum", _NUMBER2, lambda a, b: np.where(a < b, a, b), "a if a < b else b."),
-    _primitive("maximum", _NUMBER2, lambda a, b: np.where(a > b, a, b), "a if a > b else b."),
+    _primitive("minimum", _NUMBER2, _minimum, "a if a < b else b."),
+    _primitive("maximum", _NUMBER2, _maximum, "a if a > b else b."),
     _primitive("sqrt", _F_F, np.sqrt, "Square root, rounded once; NaN below zero."),
     _primitive("floor", _F_F, np.floor, "The greatest whole number not above a."),
     _primitive("fma", (((F32, F32, F32), F32),), _fma, "a * b + c, rounded once at the end."),
@@ -150,7 +173,7 @@ _TABLE = (
     _primitive("bit_not", (((BOOL,), BOOL), ((I32,), I32)), np.invert, "All bits turned; on bool: not."),
     _primitive("shift_left", _II_I, lambda a, b: np.left_shift(a, b & 31), "a << (b mod 32)."),
     _primitive("shift_right", _II_I, lambda a, b: np.right_shift(a, b & 31), "a >> (b mod 32), the sign copied in."),
-    _primitive("to_f32", (((I32,), F32), ((BOOL,), F32)), lambda a: a.astype(np.float32), "The nearest f32."),
+    _primitive("to_f32", (((I32,), F32), ((BOOL,), F32)), _to_f32, "The nearest f32.", _to_f64),
     _primitive("to_i32", (((F32,), I32),), _truncate, "Towards zero, saturating; NaN gives 0."),
     _primitive("bool_to_i32", (((BOOL,), I32),), lambda a: a.astype(np.int32), "1 or 0."),
     _primitive("bits", (((F32,), I32),), _float_to_bits, "The bits of an f32."),
