@@ -1,0 +1,226 @@
+"""A compiled program on this processor: binding arguments, running threads, stopping, reporting failed accesses."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tasuki.diagnostics import Diagnostic, MachineError, Span
+from tasuki.machines.cpu.context import ARGUMENTS, CHUNK, COUNTER, ERROR, ERROR_INDEX, ITEMS, PROFILE, STOP
+from tasuki.machines.cpu.memory import AccessSite
+from tasuki.machines.cpu.profile import WORDS
+from tasuki.native.buffers import aligned_zeros
+from tasuki.native.compile import Library
+
+STORED_DTYPE = {"f32": np.float32, "i32": np.int32, "bool": np.int32}
+POLL_SECONDS = 0.02
+Progress = Callable[[float], None]
+"""Called now and then with the share of the work that has been taken, 0..1."""
+
+
+@dataclass(frozen=True)
+class MemoryRows:
+    """A table for the machine: its first row in an (rows, 4) float32 memory image, and its number of records."""
+
+    memory: np.ndarray
+    base: int
+    count: int
+
+    @property
+    def address(self) -> int:
+        return self.memory.ctypes.data + 16 * self.base
+
+
+@dataclass(frozen=True)
+class Items:
+    """An argument with one element for each item: an array for each leaf."""
+
+    leaves: Sequence[np.ndarray]
+
+
+@dataclass(frozen=True)
+class Same:
+    """An argument that is the same for all items: one number for each leaf."""
+
+    leaves: Sequence[float | int | bool]
+
+
+@dataclass(frozen=True)
+class Number:
+    """The item's own number, 0 .. items - 1."""
+
+
+Argument = Items | Same | Number | MemoryRows
+
+
+@dataclass(frozen=True)
+class EdgeProfile:
+    """What a profiled run counted for the calls of one module by another."""
+
+    caller: str
+    callee: str
+    calls: int
+    lanes: int
+    cycles: int
+
+
+@dataclass
+class Shape:
+    """What the host must know of compiled code: JSON in the object cache."""
+
+    parameters: list[list[str] | None]
+    """The scalars of each parameter's leaves; None for a table."""
+    result: list[str]
+    tables: list[str]
+    width: int
+    sites: list[AccessSite]
+    profiled: list[tuple[str, str]]
+
+    def to_json(self) -> dict:
+        sites = [[s.table, s.function, [s.span.file, s.span.line, s.span.column] if s.span else None] for s in self.sites]
+        return {**vars(self), "sites": sites}
+
+    @classmethod
+    def from_json(cls, data: dict) -> Shape:
+        sites = [AccessSite(table, function, Span(*at) if at else None) for table, function, at in data["sites"]]
+        profiled = [(caller, callee) for caller, callee in data["profiled"]]
+        return cls(**{**data, "sites": sites, "profiled": profiled})
+
+
+class Executable:
+    """Compiled code, loaded. May be run any number of times; one run at a time."""
+
+    def __init__(self, object_code: bytes, shape: Shape) -> None:
+        self.shape = shape
+        self._library = Library(object_code)
+        self._launch = self._library.function("launch", ctypes.c_void_p)
+        self.profile: list[EdgeProfile] = []
+        """Of the last run, if the program was compiled for profiling."""
+
+    def run(
+        self,
+        arguments: Sequence[Argument],
+        items: int,
+        *,
+        tables: Mapping[str, MemoryRows] | None = None,
+        threads: int = 1,
+        chunk: int = 1024,
+        progress: Progress | None = None,
+    ) -> list[np.ndarray]:
+        """Run the entry for `items` items; the leaves of the results, each of shape (items,).
+
+        `tables` binds the program's named tables. `chunk` items at a time are handed to each of `threads` threads.
+        On Ctrl-C all threads stop within a chunk and KeyboardInterrupt is raised. Raises MachineError where a checked
+        access failed.
+        """
+        run = _Run(self.shape, arguments, items, tables or {}, chunk)
+        if self.shape.profiled:
+            threads = 1
+        self._run_threads(run.context, threads, progress)
+        self.profile = run.profile()
+        run.raise_error()
+        return run.results()
+
+    def _run_threads(self, context: np.ndarray, threads: int, progress: Progress | None) -> None:
+        workers = [
+            threading.Thread(target=self._launch, args=(context.ctypes.data,), daemon=True) for _ in range(threads)
+        ]
+        started = time.perf_counter()
+        try:
+            for worker in workers:
+                worker.start()
+            for worker in workers:
+                while worker.is_alive():
+                    worker.join(POLL_SECONDS)
+                    if progress and time.perf_counter() - started > POLL_SECONDS:
+                        progress(_share(context))
+        finally:
+            # Whatever interrupts us, no thread may go on writing into memory that is about to be given back.
+            context[STOP] = 1
+            for worker in workers:
+                if worker.ident is not None:
+                    worker.join()
+
+
+def _share(context: np.ndarray) -> float:
+    items = max(1, int(context[ITEMS]))
+    return min(1.0, int(context[COUNTER]) * int(context[CHUNK]) / items)
+
+
+class _Run:
+    """The context of one run, and the buffers that it points to."""
+
+    def __init__(
+        self,
+        shape: Shape,
+        arguments: Sequence[Argument],
+        items: int,
+        tables: Mapping[str, MemoryRows],
+        chunk: int,
+    ) -> None:
+        self.shape = shape
+        self.items = items
+        self.padded = -(-max(items, 1) // shape.width) * shape.width
+        self.kept: list[np.ndarray] = []
+        words: list[int] = []
+        for scalars, argument in zip(shape.parameters, arguments, strict=True):
+            words += self._bind(scalars, argument)
+        for name in shape.tables:
+            if name not in tables:
+                raise MachineError(f"the program reads table `{name}`, which was not given")
+            words += self._table(tables[name])
+        self.outputs = [aligned_zeros(self.padded, STORED_DTYPE[scalar]) for scalar in shape.result]
+        words += [output.ctypes.data for output in self.outputs]
+        self.context = aligned_zeros(ARGUMENTS + len(words), np.int64)
+        self.context[ITEMS] = items
+        self.context[CHUNK] = max(1, -(-chunk // shape.width)) * shape.width
+        self.context[ARGUMENTS:] = words
+        self.counters = aligned_zeros((max(1, len(shape.profiled)), WORDS), np.int64)
+        self.context[PROFILE] = self.counters.ctypes.data
+
+    def _bind(self, scalars: list[str] | None, argument: Argument) -> list[int]:
+        if scalars is None:
+            assert isinstance(argument, MemoryRows), "a table parameter takes a table"
+            return self._table(argument)
+        if isinstance(argument, Number):
+            return []
+        assert not isinstance(argument, MemoryRows)
+        values = [np.asarray(leaf) for leaf in argument.leaves]
+        return [self._buffer(value, scalar) for value, scalar in zip(values, scalars, strict=True)]
+
+    def _buffer(self, value: np.ndarray, scalar: str) -> int:
+        """The address of an aligned copy, padded to whole packets; of a single number, where it is one for all."""
+        buffer = aligned_zeros(self.padded if value.ndim else 1, STORED_DTYPE[scalar])
+        buffer[: value.size] = value.reshape(-1)
+        self.kept.append(buffer)
+        return buffer.ctypes.data
+
+    def _table(self, table: MemoryRows) -> list[int]:
+        if table.count == 0:
+            # Failed accesses read row 0 in the place of theirs: it must exist.
+            empty = aligned_zeros((64, 4), np.float32)
+            self.kept.append(empty)
+            return [empty.ctypes.data, 0]
+        self.kept.append(table.memory)
+        return [table.address, table.count]
+
+    def results(self) -> list[np.ndarray]:
+        pairs = zip(self.outputs, self.shape.result, strict=True)
+        return [out[: self.items] != 0 if scalar == "bool" else out[: self.items] for out, scalar in pairs]
+
+    def profile(self) -> list[EdgeProfile]:
+        counts = self.counters.tolist()
+        return [EdgeProfile(*edge, *counts[i]) for i, edge in enumerate(self.shape.profiled)]
+
+    def raise_error(self) -> None:
+        if not self.context[ERROR]:
+            return
+        site = self.shape.sites[int(self.context[ERROR]) - 1]
+        index = int(self.context[ERROR_INDEX])
+        message = f"an access outside table `{site.table}` in module `{site.function.rsplit(':', 1)[-1]}`"
+        raise MachineError(str(Diagnostic(message, site.span, found=f"index {index}")))
