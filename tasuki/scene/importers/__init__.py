@@ -1,0 +1,65 @@
+"""Scene files: one importer for each format, chosen by the file's suffix.
+
+An importer is a function from `SourceText` to `Scene`, in a file of its own; it raises SceneError with everything that
+is wrong. It is named here, and imported when the first file of its format is read.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+
+from tasuki.diagnostics import Diagnostic, SceneError
+from tasuki.scene.check import with_advice, with_sides, without_degenerate
+from tasuki.scene.model import Scene
+from tasuki.scene.source import SourceText, suggestion
+
+Importer = Callable[[SourceText], Scene]
+
+_IMPORTERS: dict[str, str | Importer] = {
+    ".nff": "tasuki.scene.importers.nff:read",
+    ".yaml": "tasuki.scene.yaml_format:read",
+    ".yml": "tasuki.scene.yaml_format:read",
+}
+
+
+def register_importer(suffix: str, importer: str | Importer) -> None:
+    """Read files ending in `suffix` (".obj") with `importer`, a function or its name "package.module:function".
+
+    SceneError where the suffix has an importer already.
+    """
+    if suffix.lower() in _IMPORTERS:
+        raise SceneError(f"error: files ending in {suffix!r} have an importer already: {_IMPORTERS[suffix.lower()]}")
+    _IMPORTERS[suffix.lower()] = importer
+
+
+def load_scene(path: str | Path, *, two_sided: bool | None = None) -> Scene:
+    """The scene in the file at `path`, whose suffix, in upper or lower case, tells the format.
+
+    `two_sided` overrides what the file says, or its format assumes, about which sides of surfaces show. Degenerate
+    polygons are left out; `Scene.warnings` tells what was. SceneError with everything that is wrong with the file.
+    """
+    importer = _importer(Path(path))
+    scene = importer(SourceText.read(path))
+    return with_sides(with_advice(without_degenerate(scene)), two_sided)
+
+
+def _importer(path: Path) -> Importer:
+    suffix = path.suffix.lower()
+    found = _IMPORTERS.get(suffix)
+    if found is None and path.is_dir():
+        raise SceneError(str(Diagnostic(f"{str(path)!r} is a directory", None, "a scene file", "a directory")))
+    if found is None:
+        known = sorted(_IMPORTERS)
+        problem = Diagnostic(
+            f"cannot tell the format of {str(path)!r} by its suffix",
+            expected=f"a file ending in {', '.join(known)}",
+            found=repr(path.suffix) if suffix else "no suffix",
+            hint=suggestion(suffix, known),
+        )
+        raise SceneError(str(problem))
+    if isinstance(found, str):
+        module, _, name = found.partition(":")
+        return getattr(importlib.import_module(module), name)
+    return found

@@ -1,0 +1,110 @@
+"""The registry of primitive kinds: what a machine intersects, whatever shape it came from.
+
+A kind names a table of the memory, hence the record of its primitives, and the modules that work on it. Each may be
+given as the object itself or as "package.module:attribute", imported when it is first needed: so this layer knows the
+modules by name only. To add a kind, call `register`; nothing here needs to change.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from tasuki.diagnostics import SceneError
+from tasuki.scene.source import suggestion
+
+MOST_KINDS = 32
+"""A primitive's code is its index * 32 + its kind."""
+
+
+@dataclass(frozen=True)
+class PrimitiveKind:
+    """One kind of primitive.
+
+    A *solid* has an inside (`inside`, its IN/OUT module) and may be an operand of set operations; a *surface* has none.
+    `intersection` and `normal` are modules. `bounds` is a function on the host, from the structured array of the kind's
+    records to the corners (low, high) of boxes that hold their surfaces, two float64 arrays of shape (n, 3).
+    `number` is what the field `kind` of a record holds; `register` gives it.
+    """
+
+    name: str
+    sort: Literal["solid", "surface"]
+    table: Any
+    intersection: Any
+    normal: Any
+    bounds: Any
+    inside: Any = None
+    number: int = -1
+
+    def resolve(self, role: str) -> Any:
+        """The object in field `role` ("table", "intersection", ...), imported where it is given by name."""
+        value = getattr(self, role)
+        return resolve(value) if isinstance(value, str) else value
+
+    @property
+    def record(self) -> Any:
+        """The record type of the kind's table."""
+        return self.resolve("table").record
+
+    @property
+    def table_name(self) -> str:
+        """The name of the kind's table in memory."""
+        return self.resolve("table").named(f"{self.name}s")
+
+
+_KINDS: dict[str, PrimitiveKind] = {}
+
+
+def register(kind: PrimitiveKind) -> PrimitiveKind:
+    """Make `kind` known; the result has its number. SceneError where its name is taken, or it is inconsistent."""
+    if kind.name in _KINDS:
+        raise SceneError(f"error: there is a primitive kind {kind.name!r} already")
+    if len(_KINDS) == MOST_KINDS:
+        raise SceneError(f"error: no room for the primitive kind {kind.name!r}: there are {MOST_KINDS} already")
+    if (kind.sort == "solid") != (kind.inside is not None):
+        expected = "a solid has an `inside` module, a surface has none"
+        raise SceneError(f"error: the primitive kind {kind.name!r} is inconsistent\n  expected: {expected}")
+    _KINDS[kind.name] = replace(kind, number=len(_KINDS))
+    return _KINDS[kind.name]
+
+
+def lookup(name: str) -> PrimitiveKind:
+    """The kind named `name`; SceneError, naming those that exist, where there is none."""
+    if name not in _KINDS:
+        close = suggestion(name, list(_KINDS))
+        hint = f"\n  hint: {close}" if close else ""
+        raise SceneError(f"error: no primitive kind {name!r}\n  expected: one of {', '.join(_KINDS)}{hint}")
+    return _KINDS[name]
+
+
+def kinds() -> tuple[PrimitiveKind, ...]:
+    """All kinds, in the order of their numbers."""
+    return tuple(_KINDS.values())
+
+
+def resolve(name: str) -> Any:
+    """The object that "package.module:attribute" names; SceneError where there is none."""
+    module, _, attribute = name.partition(":")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise SceneError(f"error: cannot find {name!r}: {error}") from error
+
+
+def _builtin(name: str, sort: Literal["solid", "surface"]) -> PrimitiveKind:
+    modules = f"tasuki.modules.{name}"
+    return PrimitiveKind(
+        name=name,
+        sort=sort,
+        table=f"tasuki.modules.records:{name}s",
+        intersection=f"{modules}:{name}_intersection",
+        normal=f"{modules}:{name}_normal",
+        bounds=f"tasuki.scene.bounds:{name}_bounds",
+        inside=f"{modules}:{name}_inside" if sort == "solid" else None,
+    )
+
+
+for _kind in (_builtin("plane", "solid"), _builtin("quadric", "solid"), _builtin("cone", "surface")):
+    register(_kind)
+register(_builtin("triangle", "surface"))

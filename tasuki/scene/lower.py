@@ -1,0 +1,117 @@
+"""Shapes become primitives: structured arrays of records, one array for each kind, by array operations throughout.
+
+A sphere is a quadric, a cone or cylinder a cone, a polygon triangles. Everything is computed in float64 and rounded once,
+when it is put into a record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tasuki.scene.kinds import PrimitiveKind, lookup
+from tasuki.scene.model import Scene
+from tasuki.scene.shapes import CONE, POLYGON, SPHERE, Batch, Polygons
+from tasuki.scene.triangulate import triangulate
+
+TWO_SIDED = 1
+INSIDE_ONLY = 2
+"""Flags of a primitive, as `tasuki.modules.records` gives them."""
+
+NO_MATRIX = -1
+"""The matrix of a primitive that stands in the scene's own coordinates."""
+
+
+@dataclass(frozen=True)
+class Primitives:
+    """All primitives of one kind: their `records`, and of each the number of the shape it came from."""
+
+    kind: PrimitiveKind
+    records: np.ndarray
+    shapes: np.ndarray
+
+
+def lower(scene: Scene) -> list[Primitives]:
+    """The primitives of the scene, by kind in the order of kinds; kinds without any are left out."""
+    lowered = [_spheres(scene), _cones(scene), _polygons(scene)]
+    return sorted((one for one in lowered if len(one.records)), key=lambda one: one.kind.number)
+
+
+def _spheres(scene: Scene) -> Primitives:
+    """(P - centre)^T I (P - centre) = radius^2."""
+    spheres = scene.shapes.spheres
+    kind, records = _records("quadric", scene, spheres, inside_only=spheres.radius < 0.0)
+    records["centre"] = spheres.centre
+    records["constant"] = _float32(spheres.radius**2)
+    records["q1"] = (1.0, 0.0, 0.0)
+    records["q2"] = (0.0, 1.0, 0.0)
+    records["q3"] = (0.0, 0.0, 1.0)
+    return Primitives(kind, records, _shape_numbers(scene, SPHERE))
+
+
+def _cones(scene: Scene) -> Primitives:
+    cones = scene.shapes.cones
+    inside_only = (cones.base_radius < 0.0) | (cones.apex_radius < 0.0)
+    kind, records = _records("cone", scene, cones, inside_only=inside_only)
+    along = cones.apex - cones.base
+    length = np.linalg.norm(along, axis=1)
+    base_radius, apex_radius = np.abs(cones.base_radius), np.abs(cones.apex_radius)
+    records["base"] = _float32(cones.base)
+    records["radius"] = _float32(base_radius)
+    records["axis"] = along / length[:, None]
+    records["length"] = _float32(length)
+    records["slope"] = _float32((apex_radius - base_radius) / length)
+    return Primitives(kind, records, _shape_numbers(scene, CONE))
+
+
+def _polygons(scene: Scene) -> Primitives:
+    polygons = scene.shapes.polygons
+    corners, owner = triangulate(polygons)
+    kind, records = _records("triangle", scene, polygons, smooth=polygons.smooth, owner=owner)
+    normals = _corner_normals(polygons)
+    for corner, name in enumerate("abc"):
+        records[name] = _float32(polygons.points[corners[:, corner]])
+        records[f"normal_{name}"] = _float32(normals[corners[:, corner]])
+    return Primitives(kind, records, _shape_numbers(scene, POLYGON)[owner])
+
+
+def _corner_normals(polygons: Polygons) -> np.ndarray:
+    """The normal at every point, (m, 3): the face's, of unit length, unless a patch gives one other than zero."""
+    area_vectors = polygons.area_vectors
+    face = area_vectors / np.linalg.norm(area_vectors, axis=1)[:, None]
+    given = polygons.normals.any(axis=1)[:, None]
+    return np.where(given, polygons.normals, np.repeat(face, polygons.sizes, axis=0))
+
+
+def _records(
+    kind_name: str,
+    scene: Scene,
+    batch: Batch,
+    *,
+    inside_only: np.ndarray | bool = False,
+    smooth: np.ndarray | bool = False,
+    owner: np.ndarray | slice = slice(None),
+) -> tuple[PrimitiveKind, np.ndarray]:
+    """Records with their first row filled: kind, attribute, matrix, flags. `owner[i]` is the shape of record i."""
+    kind = lookup(kind_name)
+    two_sided = np.array([material.shows_both_sides() for material in scene.materials], bool)
+    two_sided_patch = np.array([material.shows_both_sides(smooth=True) for material in scene.materials], bool)
+    both = np.where(smooth, two_sided_patch[batch.material], two_sided[batch.material])
+    flags = np.where(inside_only, INSIDE_ONLY, np.where(both, TWO_SIDED, 0))[owner]
+    records = np.zeros(len(flags), kind.record.numpy_dtype())
+    records["kind"] = kind.number
+    records["attribute"] = batch.material[owner]
+    records["matrix"] = NO_MATRIX
+    records["flags"] = flags
+    return kind, records
+
+
+def _shape_numbers(scene: Scene, sort: int) -> np.ndarray:
+    return np.flatnonzero(scene.shapes.sorts == sort)
+
+
+def _float32(values: np.ndarray) -> np.ndarray:
+    """Rounded to float32; what is too large becomes infinite, which `pack` reports."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)

@@ -1,0 +1,167 @@
+"""The scene in the four-bank memory: a table for each kind of primitive in use, the materials, and the lights.
+
+Tables are verified as they are packed: every number is finite, every attribute exists. What is added later (the view, the
+BVH, the picture) goes into `Packed.builder`; `Packed.build` then allocates the memory once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tasuki.diagnostics import Diagnostic, SceneError
+from tasuki.scene.bounds import outward
+from tasuki.scene.check import problems, without_degenerate
+from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, resolve
+from tasuki.scene.lower import TWO_SIDED, Primitives, lower
+from tasuki.scene.memory import Memory, MemoryBuilder
+from tasuki.scene.model import Scene, default_intensity
+from tasuki.scene.source import scene_error
+
+RECORDS = "tasuki.modules.records"
+MOST_PRIMITIVES = 2**31 // MOST_KINDS
+"""An index times 32, plus a kind, must fit an i32."""
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A packed scene, ready to have more tables added to `builder`.
+
+    `primitives` are those in memory, by kind: `primitives[k].shapes[i]` is the number in `scene.shapes` of the shape from
+    which primitive i of that kind came.
+    """
+
+    scene: Scene
+    primitives: tuple[Primitives, ...]
+    builder: MemoryBuilder
+
+    @property
+    def kinds(self) -> tuple[PrimitiveKind, ...]:
+        """The kinds in use, in the order of their numbers."""
+        return tuple(one.kind for one in self.primitives)
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Number of primitives by the name of their kind."""
+        return {one.kind.name: len(one.records) for one in self.primitives}
+
+    def build(self) -> Memory:
+        """The memory with all tables that `builder` has by now."""
+        return self.builder.build()
+
+
+def pack(scene: Scene) -> Packed:
+    """The tables of `scene`: one for each kind in use, "attributes" and "lights".
+
+    SceneError with everything that cannot be drawn, and where the scene does not fit the memory.
+    """
+    found = problems(scene)
+    if found:
+        described = (f"the scene's {problem.dotted}: {problem.message}" for problem in found)
+        diagnostics = zip(described, found, strict=True)
+        raise scene_error(Diagnostic(text, None, problem.expected, problem.found) for text, problem in diagnostics)
+    scene = without_degenerate(scene)
+    primitives = tuple(lower(scene))
+    builder = MemoryBuilder()
+    for one in primitives:
+        _verify(one, scene)
+        builder.add(one.kind.table_name, one.records)
+    builder.add("attributes", _verified("material", _attributes(scene)))
+    builder.add("lights", _verified("light", _lights(scene)))
+    return Packed(scene, primitives, builder)
+
+
+def bounds(packed: Packed) -> tuple[np.ndarray, np.ndarray]:
+    """`boxes` (n, 2, 3) float32, the low and high corner around every primitive, and `codes` (n,) int32.
+
+    A code is index * 32 + kind. Primitives stand by kind and index. The boxes hold the surfaces, rounded outward.
+    """
+    boxes = [np.zeros((0, 2, 3), np.float32)]
+    codes = [np.zeros(0, np.int32)]
+    for one in packed.primitives:
+        boxes.append(outward(*one.kind.resolve("bounds")(one.records)))
+        codes.append(np.arange(len(one.records), dtype=np.int32) * MOST_KINDS + one.kind.number)
+    return np.concatenate(boxes), np.concatenate(codes)
+
+
+def box_records(packed: Packed) -> np.ndarray:
+    """`bounds` as records of the table "boxes"."""
+    boxes, codes = bounds(packed)
+    records = np.zeros(len(codes), _dtype("Box"))
+    records["low"], records["high"] = boxes[:, 0], boxes[:, 1]
+    records["code"] = codes
+    return records
+
+
+def _attributes(scene: Scene) -> np.ndarray:
+    records = np.zeros(len(scene.materials), _dtype("Attribute"))
+    intensity = default_intensity(len(scene.lights))
+    rows = []
+    for material in scene.materials:
+        ambient = material.diffuse * intensity if material.ambient is None else material.ambient
+        flags = TWO_SIDED if material.shows_both_sides() else 0
+        rows.append(
+            (material.colour, flags, ambient, material.diffuse, material.specular, material.exponent)
+            + (material.reflection, material.transmission, material.index, material.transmittance)
+        )
+    with np.errstate(over="ignore"):
+        records[:] = rows
+    return records
+
+
+def _lights(scene: Scene) -> np.ndarray:
+    records = np.zeros(len(scene.lights), _dtype("Light"))
+    grey = (default_intensity(len(scene.lights)),) * 3
+    with np.errstate(over="ignore"):
+        records["position"] = np.array([light.position for light in scene.lights]).reshape(-1, 3)
+        colours = [grey if light.colour is None else light.colour for light in scene.lights]
+        records["colour"] = np.array(colours).reshape(-1, 3)
+    return records
+
+
+def _verify(primitives: Primitives, scene: Scene) -> None:
+    """SceneError that names the shape of a primitive which float32 cannot hold, or which has no attribute."""
+    records = primitives.records
+    if len(records) > MOST_PRIMITIVES:
+        message = f"the scene has too many primitives of kind {primitives.kind.name!r}"
+        raise SceneError(str(Diagnostic(message, None, f"at most {MOST_PRIMITIVES}", str(len(records)))))
+    attributes = records["attribute"]
+    unknown = (attributes < 0) | (attributes >= len(scene.materials))
+    wrong = np.flatnonzero(unknown | _not_finite(records))
+    if len(wrong):
+        number = int(primitives.shapes[wrong[0]])
+        place = scene.shapes[number].place
+        if unknown[wrong[0]]:
+            expected, found = f"a material, 0 to {len(scene.materials) - 1}", str(attributes[wrong[0]])
+        else:
+            expected, found = "numbers within the range of float32, squares included", "infinity"
+        message = f"shape {number} cannot be packed as a {primitives.kind.name}"
+        raise SceneError(str(Diagnostic(message, place, expected, found)))
+
+
+def _verified(name: str, records: np.ndarray) -> np.ndarray:
+    for number in np.flatnonzero(_not_finite(records))[:1]:
+        raise SceneError(
+            str(
+                Diagnostic(f"{name} {number} cannot be packed", None, "numbers within the range of float32", "infinity")
+            )
+        )
+    return records
+
+
+def _not_finite(records: np.ndarray) -> np.ndarray:
+    """Which records hold a number that is not finite."""
+    bad = np.zeros(len(records), bool)
+    for name in records.dtype.names or ():
+        values = records[name]
+        if values.dtype.kind == "f":
+            finite = np.isfinite(values)
+            bad |= ~(finite.all(axis=1) if finite.ndim > 1 else finite)
+    return bad
+
+
+def _dtype(record: str) -> Any:
+    return resolve(f"{RECORDS}:{record}").numpy_dtype()
