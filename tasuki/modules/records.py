@@ -12,6 +12,10 @@ INSIDE_ONLY = 2
 """Flag: only the inside of the surface shows."""
 
 
+SPHERE = 4
+"""Flag of a quadric: Q is the unit matrix and there is no linear term."""
+
+
 @record
 class Plane:
     """normal . P + d = 0; IN where it is negative. The normal has unit length."""

@@ -1,0 +1,158 @@
+"""Whitted's ray tracing, assembled from the modules (paper, section 6, Figure 9): one pixel.
+
+T. Whitted, "An Improved Illumination Model for Shaded Display", 1980.
+"""
+
+from tasuki.language import abs, dot, f32, floor, i32, max, module, norm, record, select, socket, vec3
+from tasuki.modules.bvh import NOTHING, nearest_intersection, shadow_intersection
+from tasuki.modules.directions import reflection_direction, view_direction
+from tasuki.modules.records import Attribute, RayCounts, View, attributes, lights, picture, ray_counts, views
+from tasuki.modules.records import Pixel
+from tasuki.modules.shading import accumulate_luminance, shading
+
+TILE = 4
+"""Pixels along the side of a tile; the 16 pixels of a tile travel together where a packet has 16 lanes."""
+ROUNDING = 4.76837158e-7
+"""2**-21: relative error, with room to spare, of a hit point and of the way to it."""
+GOLDEN_X = 0.7548776662466927
+GOLDEN_Y = 0.5698402909980532
+
+
+@socket(dispatch=True)
+def primitive_normal(kind: i32, index: i32, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3]:
+    """The unit normals at a point of a primitive that this ray has hit: of the geometry, and for shading."""
+    ...
+
+
+@socket(dispatch=True)
+def primitive_attribute(kind: i32, index: i32) -> i32:
+    """The index of a primitive's attribute."""
+    ...
+
+
+@record
+class Surface:
+    """A point that a ray has hit. The normals face the side from which the ray came."""
+
+    point: vec3
+    geometry: vec3
+    normal: vec3
+    attribute: i32
+
+
+@record
+class Traced:
+    """What came back along an eye ray, and the rays that were sent for it."""
+
+    luminance: vec3
+    eye_hits: i32
+    reflection: i32
+    shadow: i32
+
+
+@module
+def surface_at(origin: vec3, direction: vec3, t: f32, hit: i32) -> Surface:
+    """The surface where a ray has hit primitive `hit` at t."""
+    primitive = -1 - hit
+    point = origin + t * direction
+    geometry, normal = primitive_normal(primitive & 31, primitive >> 5, origin, direction, point)
+    if dot(geometry, direction) > 0.0:
+        geometry = -geometry
+        normal = -normal
+    return Surface(point, geometry, normal, primitive_attribute(primitive & 31, primitive >> 5))
+
+
+@module
+def departure(surface: Surface, t: f32) -> vec3:
+    """Where rays leave a surface: lifted off it by the error bound of the hit point."""
+    size = max(max(abs(surface.point.x), abs(surface.point.y)), max(abs(surface.point.z), t))
+    return surface.point + (size * ROUNDING) * surface.geometry
+
+
+@module
+def direct_light(
+    attribute: Attribute, surface: Surface, start: vec3, direction: vec3, hit: i32
+) -> tuple[vec3, i32]:
+    """What all lamps send from a surface towards the viewer, and how many shadow rays that took.
+
+    A lamp behind the surface gets no shadow ray.
+    """
+    luminance = attribute.ambient * attribute.colour
+    rays = 0
+    for n in range(len(lights)):
+        light = lights[n]
+        way = light.position - start
+        distance = norm(way)
+        to_light = way / distance
+        if dot(surface.normal, to_light) > 0.0:
+            rays += 1
+            if not shadow_intersection(start, to_light, hit, distance):
+                luminance = luminance + shading(attribute, surface.normal, direction, to_light, light.colour)
+    return luminance, rays
+
+
+@module
+def trace(view: View, eye_direction: vec3) -> Traced:
+    """Follow an eye ray and its mirror rays."""
+    origin = view.eye
+    direction = eye_direction
+    left = NOTHING
+    weight = vec3(1.0)
+    out = Traced(vec3(0.0), 0, 0, 0)
+    for generation in range(view.depth):
+        t, hit = nearest_intersection(origin, direction, left)
+        if hit == NOTHING:
+            out.luminance = accumulate_luminance(out.luminance, weight, view.background)
+            break
+        if generation == 0:
+            out.eye_hits = 1
+        surface = surface_at(origin, direction, t, hit)
+        attribute = attributes[surface.attribute]
+        start = departure(surface, t)
+        luminance, shadow_rays = direct_light(attribute, surface, start, direction, hit)
+        out.shadow += shadow_rays
+        out.luminance = accumulate_luminance(out.luminance, weight, luminance)
+        if attribute.reflection <= 0.0 or generation + 1 == view.depth:
+            break
+        weight = weight * attribute.reflection
+        direction = reflection_direction(direction, surface.normal)
+        origin = start
+        left = hit
+        out.reflection += 1
+    return out
+
+
+@module
+def sample_offset(sample: i32, step: f32) -> f32:
+    """Place of a sample within its pixel, 0..1 along one axis; the first is the middle.
+
+    Multiples of the plastic number's powers (M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+    """
+    shifted = 0.5 + f32(sample) * step
+    return shifted - floor(shifted)
+
+
+@module
+def trace_pixel(item: i32):
+    """Render pixel number `item`, counted tile by tile, into the picture."""
+    view = views[0]
+    tile = item // (TILE * TILE)
+    within = item % (TILE * TILE)
+    column = (tile % view.tiles_across) * TILE + within % TILE
+    row = (tile // view.tiles_across) * TILE + within // TILE
+    if column < view.region_width and row < view.region_height:
+        x = f32(view.region_x + column)
+        y = f32(view.region_y + row)
+        total = Traced(vec3(0.0), 0, 0, 0)
+        for sample in range(view.samples):
+            eye_x = x + sample_offset(sample, GOLDEN_X)
+            eye_y = y + sample_offset(sample, GOLDEN_Y)
+            traced = trace(view, view_direction(view, eye_x, eye_y))
+            total.luminance = total.luminance + traced.luminance
+            total.eye_hits += traced.eye_hits
+            total.reflection += traced.reflection
+            total.shadow += traced.shadow
+        count = f32(view.samples)
+        index = row * view.region_width + column
+        picture[index] = Pixel(total.luminance / count, f32(total.eye_hits) / count)
+        ray_counts[index] = RayCounts(total.eye_hits, total.reflection, 0, total.shadow)

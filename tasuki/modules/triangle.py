@@ -1,0 +1,49 @@
+"""Triangles with smooth normals: intersection and what the search needs of the kind. A surface: it has no IN and OUT."""
+
+from tasuki.language import cross, dot, f32, max, min, module, normalize, select, vec3
+from tasuki.modules.crossing import NOWHERE, first_crossing
+from tasuki.modules.records import Triangle
+
+
+@module
+def edge_volumes(triangle: Triangle, origin: vec3, direction: vec3) -> tuple[f32, f32, f32]:
+    """For the corners a, b, c six times the volume between the ray and the opposite edge.
+
+    Equal signs: the ray passes inside. An edge shared by two triangles gives both exactly the same number with opposite
+    sign, so that no ray slips between them (J. Amanatides, K. Choi, "Ray Tracing Triangular Meshes", 1997).
+    """
+    a = triangle.a - origin
+    b = triangle.b - origin
+    c = triangle.c - origin
+    return dot(direction, cross(c, b)), dot(direction, cross(a, c)), dot(direction, cross(b, a))
+
+
+@module
+def triangle_hit(triangle: Triangle, origin: vec3, direction: vec3, leaving: bool) -> f32:
+    """The visible crossing with t > 0 (`crossing.NOWHERE` if there is none)."""
+    u, v, w = edge_volumes(triangle, origin, direction)
+    front = u >= 0.0 and v >= 0.0 and w >= 0.0
+    back = u <= 0.0 and v <= 0.0 and w <= 0.0
+    normal = cross(triangle.b - triangle.a, triangle.c - triangle.a)
+    t = dot(normal, triangle.a - origin) / dot(normal, direction)
+    hit = first_crossing(triangle.flags, select(front, t, NOWHERE), select(back, t, NOWHERE))
+    return select(leaving, NOWHERE, hit)
+
+
+@module
+def triangle_normal(triangle: Triangle, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3]:
+    """The normal of the plane, and that interpolated between the corners."""
+    u, v, w = edge_volumes(triangle, origin, direction)
+    flat = normalize(cross(triangle.b - triangle.a, triangle.c - triangle.a))
+    blended = u * triangle.normal_a + v * triangle.normal_b + w * triangle.normal_c
+    total = u + v + w
+    smooth = normalize(select(total < 0.0, -blended, blended))
+    return flat, smooth
+
+
+@module
+def triangle_bounds(triangle: Triangle) -> tuple[vec3, vec3]:
+    """The box of the corners."""
+    low = min(triangle.a, min(triangle.b, triangle.c))
+    high = max(triangle.a, max(triangle.b, triangle.c))
+    return low, high
