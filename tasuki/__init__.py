@@ -1,3 +1,5 @@
 """Tasuki: a laboratory for image generation."""
 
-__version__ = "0.1.0"
+from tasuki.version import __version__
+
+__all__ = ["__version__"]

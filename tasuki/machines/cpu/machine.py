@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, MachineError, Span
+from tasuki.ir.memory import MemoryTable
 from tasuki.machines.cpu.context import ARGUMENTS, CHUNK, COUNTER, ERROR, ERROR_INDEX, ITEMS, PROFILE, STOP
 from tasuki.machines.cpu.memory import AccessSite
 from tasuki.machines.cpu.profile import WORDS
@@ -21,19 +22,6 @@ STORED_DTYPE = {"f32": np.float32, "i32": np.int32, "bool": np.int32}
 POLL_SECONDS = 0.02
 Progress = Callable[[float], None]
 """Called now and then with the share of the work that has been taken, 0..1."""
-
-
-@dataclass(frozen=True)
-class MemoryRows:
-    """A table for the machine: its first row in an (rows, 4) float32 memory image, and its number of records."""
-
-    memory: np.ndarray
-    base: int
-    count: int
-
-    @property
-    def address(self) -> int:
-        return self.memory.ctypes.data + 16 * self.base
 
 
 @dataclass(frozen=True)
@@ -55,7 +43,7 @@ class Number:
     """The item's own number, 0 .. items - 1."""
 
 
-Argument = Items | Same | Number | MemoryRows
+Argument = Items | Same | Number | MemoryTable
 
 
 @dataclass(frozen=True)
@@ -107,7 +95,7 @@ class Executable:
         arguments: Sequence[Argument],
         items: int,
         *,
-        tables: Mapping[str, MemoryRows] | None = None,
+        tables: Mapping[str, MemoryTable] | None = None,
         threads: int = 1,
         chunk: int = 1024,
         progress: Progress | None = None,
@@ -160,7 +148,7 @@ class _Run:
         shape: Shape,
         arguments: Sequence[Argument],
         items: int,
-        tables: Mapping[str, MemoryRows],
+        tables: Mapping[str, MemoryTable],
         chunk: int,
     ) -> None:
         self.shape = shape
@@ -185,11 +173,11 @@ class _Run:
 
     def _bind(self, scalars: list[str] | None, argument: Argument) -> list[int]:
         if scalars is None:
-            assert isinstance(argument, MemoryRows), "a table parameter takes a table"
+            assert isinstance(argument, MemoryTable), "a table parameter takes a table"
             return self._table(argument)
         if isinstance(argument, Number):
             return []
-        assert not isinstance(argument, MemoryRows)
+        assert not isinstance(argument, MemoryTable)
         values = [np.asarray(leaf) for leaf in argument.leaves]
         return [self._buffer(value, scalar) for value, scalar in zip(values, scalars, strict=True)]
 
@@ -200,14 +188,14 @@ class _Run:
         self.kept.append(buffer)
         return buffer.ctypes.data
 
-    def _table(self, table: MemoryRows) -> list[int]:
+    def _table(self, table: MemoryTable) -> list[int]:
         if table.count == 0:
             # Failed accesses read row 0 in the place of theirs: it must exist.
             empty = aligned_zeros((64, 4), np.float32)
             self.kept.append(empty)
             return [empty.ctypes.data, 0]
         self.kept.append(table.memory)
-        return [table.address, table.count]
+        return [table.memory.ctypes.data + 16 * table.base, table.count]
 
     def results(self) -> list[np.ndarray]:
         pairs = zip(self.outputs, self.shape.result, strict=True)

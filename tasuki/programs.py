@@ -1,0 +1,233 @@
+"""From a module to running code: linking, lowering and compiling, each skipped where a cache knows the outcome.
+
+Two levels on disk. The first goes from everything that a program is made of (sources, sockets and what fills them,
+options, this package, this processor) to what the host must know and the key of the object: a warm start neither parses
+nor checks a module. The second goes from the LLVM text to object code: what changes no instruction, such as the name of
+a variable, compiles nothing. Imported by `mapping`, the renderers and the command line.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from tasuki.language.declare import Case, Module, Socket
+from tasuki.native import cache as disk
+from tasuki.native.compile import compile_object, host, lanes
+from tasuki.version import __version__
+
+if TYPE_CHECKING:
+    from tasuki.ir.nodes import Program
+    from tasuki.machines.cpu.launch import Binding
+    from tasuki.machines.cpu.machine import Executable
+
+Filler = Module | Sequence[Case]
+COMMENT = re.compile(r"\s*;.*$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a program is compiled for the CPU."""
+
+    bindings: tuple[Binding, ...]
+    """For each parameter of the entry how items reach it; see `tasuki.machines.cpu.launch`."""
+    width: int = 0
+    """Lanes of a packet; 0: what suits this processor."""
+    checked: bool = True
+    """Whether every access to a table is checked."""
+    profile: bool = False
+    """Whether modules stay calls, and are timed."""
+
+
+@dataclass
+class CompileReport:
+    """What compiling took, in seconds, and how often a cache made it unnecessary; summed over a process."""
+
+    seconds: float = 0.0
+    programs: int = 0
+    linked: int = 0
+    compiled: int = 0
+
+
+REPORT = CompileReport()
+_loaded: dict[str, Executable] = {}
+
+
+def executable(entry: Module, options: Options, fillers: Mapping[str, Filler] | None = None) -> Executable:
+    """The compiled program of `entry` with its sockets filled. Raises SourceError or LinkError where it is wrong."""
+    started = perf_counter()
+    request = _Request(entry, options, dict(fillers or {}))
+    key = request.key()
+    if key is None or key not in _loaded:
+        made = request.from_cache(key) if key else None
+        made = made or request.build(key)
+        REPORT.programs += 1
+        if key is None:
+            return made
+        _loaded[key] = made
+    REPORT.seconds += perf_counter() - started
+    return _loaded[key]
+
+
+def link_program(entry: Module, fillers: Mapping[str, Filler]) -> Program:
+    """The verified program of `entry`."""
+    from tasuki.ir.verify import verify
+    from tasuki.language.link import link
+
+    program = link(entry, fillers)
+    verify(program)
+    return program
+
+
+@dataclass
+class _Request:
+    entry: Module
+    options: Options
+    fillers: dict[str, Filler]
+    width: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.width = self.options.width or lanes()
+
+    def key(self) -> str | None:
+        """The name of the first level's entry; None where a module has no file that could be watched."""
+        modules = [self.entry, *(m for filler in self.fillers.values() for m in _modules(filler))]
+        if not all(Path(module.file).is_file() for module in modules):
+            return None
+        parts = {
+            "version": __version__,
+            "package": package_digest(),
+            "host": asdict(host()),
+            "options": asdict(self.options) | {"width": self.width},
+            "entry": _identity(self.entry),
+            "fillers": {name: _describe(filler) for name, filler in sorted(self.fillers.items())},
+        }
+        return "program-" + hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+    def from_cache(self, key: str) -> Executable | None:
+        from tasuki.machines.cpu.machine import Executable, Shape
+
+        data = disk.read(key)
+        if data is None:
+            return None
+        known = json.loads(data)
+        if any(_file_digest(file) != digest for file, digest in known["sources"].items()):
+            return None
+        code = disk.read(known["object"])
+        return Executable(code, Shape.from_json(known["shape"])) if code else None
+
+    def build(self, key: str | None) -> Executable:
+        from tasuki.machines.cpu.launch import emit_kernel, sorted_tables
+        from tasuki.machines.cpu.machine import Executable, Shape
+
+        program = link_program(self.entry, self.fillers)
+        REPORT.linked += 1
+        options = self.options
+        kernel = emit_kernel(program, options.bindings, self.width, checked=options.checked, profile=options.profile)
+        function = program.functions[program.entry]
+        shape = Shape(
+            [_scalars(p.type) for p in function.parameters],
+            list(function.result.leaves),
+            sorted_tables(program),
+            self.width,
+            kernel.sites,
+            kernel.profiled,
+        )
+        object_key, code = compile_cached(kernel.text)
+        if key is not None and (sources := _user_sources(self.entry, self.fillers)) is not None:
+            known = {"sources": sources, "object": object_key, "shape": shape.to_json()}
+            disk.write(key, json.dumps(known).encode())
+        return Executable(code, shape)
+
+
+def compile_cached(text: str) -> tuple[str, bytes]:
+    """(key, object code) of LLVM text; compiled only if the cache does not hold it."""
+    identity = json.dumps(asdict(host())) + COMMENT.sub("", text)
+    key = "object-" + hashlib.sha256(identity.encode()).hexdigest()
+    code = disk.read(key)
+    if code is None:
+        code = compile_object(text)
+        REPORT.compiled += 1
+        disk.write(key, code)
+    return key, code
+
+
+@cache
+def package_digest() -> str:
+    """Digest of the package's own sources that take part in compiling."""
+    root = Path(__file__).parent
+    files = [root / "programs.py"]
+    for folder in ("language", "ir", "native", "machines", "modules"):
+        files += sorted((root / folder).rglob("*.py"))
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(str(file.relative_to(root)).encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def _scalars(type_: object) -> list[str] | None:
+    from tasuki.ir.types import Table, Type
+
+    assert isinstance(type_, Type)
+    return None if isinstance(type_, Table) else list(type_.leaves)
+
+
+def _modules(filler: Filler) -> list[Module]:
+    return [filler] if isinstance(filler, Module) else [case.module for case in filler]
+
+
+def _identity(module: Module) -> list[str]:
+    return [module.qualified_name, module.source_digest]
+
+
+def _describe(filler: Filler) -> list:
+    if isinstance(filler, Module):
+        return _identity(filler)
+    return [[case.number, *_identity(case.module), case.table_name] for case in filler]
+
+
+def _file_digest(file: str) -> str | None:
+    try:
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def _user_sources(entry: Module, fillers: Mapping[str, Filler]) -> dict[str, str] | None:
+    """Digests of the files outside this package that the program comes from.
+
+    None where the files do not determine it: a notebook cell, or a constant that a file takes from somewhere else.
+    """
+    root = str(Path(__file__).parent)
+    sources: dict[str, str] = {}
+    for module in _reachable(entry, fillers):
+        if module.file.startswith(root):
+            continue
+        digest = _file_digest(module.file)
+        if digest is None:
+            return None
+        sources[module.file] = digest
+        text = Path(module.file).read_text(encoding="utf-8")
+        names = [name for _, name in module.check().constants]
+        if not all(re.search(rf"^{re.escape(name)}\s*(:[^=]+)?=", text, re.MULTILINE) for name in names):
+            return None
+    return sources
+
+
+def _reachable(entry: Module, fillers: Mapping[str, Filler]) -> list[Module]:
+    found: dict[str, Module] = {}
+    waiting = [entry, *(m for filler in fillers.values() for m in _modules(filler))]
+    while waiting:
+        module = waiting.pop()
+        if module.qualified_name in found:
+            continue
+        found[module.qualified_name] = module
+        waiting += [called for called in module.check().calls.values() if not isinstance(called, Socket)]
+    return list(found.values())
