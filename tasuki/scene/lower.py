@@ -1,7 +1,7 @@
 """Shapes become primitives: structured arrays of records, one array for each kind, by array operations throughout.
 
-A sphere is a quadric, a cone or cylinder a cone, a polygon triangles. Everything is computed in float64 and rounded once,
-when it is put into a record.
+A sphere is a quadric, a cone or cylinder a cone, a polygon triangles. Everything is computed in float64 and rounded
+once, when it is put into a record.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _corner_normals(polygons: Polygons) -> np.ndarray:
     """The normal at every point, (m, 3): the face's, of unit length, unless a patch gives one other than zero."""
     area_vectors = polygons.area_vectors
     face = area_vectors / np.linalg.norm(area_vectors, axis=1)[:, None]
-    given = polygons.normals.any(axis=1)[:, None]
+    given = (polygons.normals != 0.0).any(axis=1, keepdims=True)
     return np.where(given, polygons.normals, np.repeat(face, polygons.sizes, axis=0))
 
 
@@ -98,7 +98,8 @@ def _records(
     two_sided = np.array([material.shows_both_sides() for material in scene.materials], bool)
     two_sided_patch = np.array([material.shows_both_sides(smooth=True) for material in scene.materials], bool)
     both = np.where(smooth, two_sided_patch[batch.material], two_sided[batch.material])
-    flags = np.where(inside_only, INSIDE_ONLY, np.where(both, TWO_SIDED, 0))[owner]
+    shape_flags = np.where(inside_only, INSIDE_ONLY, np.where(both, TWO_SIDED, 0))
+    flags = shape_flags[owner]
     records = np.zeros(len(flags), kind.record.numpy_dtype())
     records["kind"] = kind.number
     records["attribute"] = batch.material[owner]

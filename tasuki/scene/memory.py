@@ -1,7 +1,7 @@
 """The data memory: rows of four 32-bit words, in which named tables stand.
 
-`MemoryBuilder` collects tables, contents or sizes, and allocates once, so that nothing is copied twice. A table begins at a
-multiple of four rows, and the memory at a multiple of 64 bytes: a cache line, and a vector of sixteen lanes.
+`MemoryBuilder` collects tables, contents or sizes, and allocates once, so that nothing is copied twice. A table begins
+at a multiple of four rows, and the memory at a multiple of 64 bytes: a cache line, and a vector of sixteen lanes.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class MemoryBuilder:
     def add(self, name: str, contents: np.ndarray | tuple[Any, int]) -> TablePlace:
         """Append the table `name`: a structured array of records, or (record type, count) for a table of zeros.
 
-        SceneError where the memory would get more than `MOST_ROWS` rows; ValueError where there is such a table already.
+        SceneError where the memory would get more than `MOST_ROWS` rows; ValueError where the name is taken already.
         """
         if name in self._places:
             raise ValueError(f"there is a table {name!r} already")

@@ -1,7 +1,7 @@
 """The scene in the four-bank memory: a table for each kind of primitive in use, the materials, and the lights.
 
-Tables are verified as they are packed: every number is finite, every attribute exists. What is added later (the view, the
-BVH, the picture) goes into `Packed.builder`; `Packed.build` then allocates the memory once.
+Tables are verified as they are packed: every number is finite, every attribute exists. What is added later (the view,
+the BVH, the picture) goes into `Packed.builder`; `Packed.build` then allocates the memory once.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ MOST_PRIMITIVES = 2**31 // MOST_KINDS
 class Packed:
     """A packed scene, ready to have more tables added to `builder`.
 
-    `primitives` are those in memory, by kind: `primitives[k].shapes[i]` is the number in `scene.shapes` of the shape from
-    which primitive i of that kind came.
+    `primitives` are those in memory, by kind: `primitives[k].shapes[i]` is the number in `scene.shapes` of the shape
+    from which primitive i of that kind came.
     """
 
     scene: Scene
@@ -97,18 +97,17 @@ def box_records(packed: Packed) -> np.ndarray:
 
 
 def _attributes(scene: Scene) -> np.ndarray:
-    records = np.zeros(len(scene.materials), _dtype("Attribute"))
+    """One record for each material; what they have in common has the same name in both."""
+    materials = scene.materials
+    records = np.zeros(len(materials), _dtype("Attribute"))
     intensity = default_intensity(len(scene.lights))
-    rows = []
-    for material in scene.materials:
-        ambient = material.diffuse * intensity if material.ambient is None else material.ambient
-        flags = TWO_SIDED if material.shows_both_sides() else 0
-        rows.append(
-            (material.colour, flags, ambient, material.diffuse, material.specular, material.exponent)
-            + (material.reflection, material.transmission, material.index, material.transmittance)
-        )
     with np.errstate(over="ignore"):
-        records[:] = rows
+        for name in set(records.dtype.names or ()) - {"flags", "ambient"}:
+            records[name] = [getattr(material, name) for material in materials]
+        records["ambient"] = [
+            material.diffuse * intensity if material.ambient is None else material.ambient for material in materials
+        ]
+    records["flags"] = [TWO_SIDED if material.shows_both_sides() else 0 for material in materials]
     return records
 
 

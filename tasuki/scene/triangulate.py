@@ -41,7 +41,7 @@ def triangulate(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fans(polygons: Polygons, apex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Every polygon as a fan from its corner `apex`: corners, owners, and each triangle's share of its polygon's area."""
+    """Every polygon as a fan from its corner `apex`: corners, owners, and each triangle's share of the area."""
     sizes = polygons.sizes
     counts = sizes - 2
     owner = np.repeat(np.arange(len(polygons)), counts)
