@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import FunctionType, GenericAlias
 from typing import Any
 
 from tasuki.ir.types import BOOL, VOID, Matrix, Record, Scalar, Table, Tuple, Type, Vector
-from tasuki.language.names import TypeName
+from tasuki.language.names import VOCABULARY, TypeName
 
 PYTHON_HINTS = {float: "f32", int: "i32"}
 """What is meant by types of Python that the language does not have."""
@@ -90,6 +91,11 @@ def is_result(type: Type) -> bool:
 def _evaluate(text: str, names: Mapping[str, Any]) -> Any:
     try:
         return eval(text, {}, names)
+    except NameError as error:
+        types = [name for name, thing in {**VOCABULARY, **names}.items() if isinstance(thing, TypeName | type)]
+        close = difflib.get_close_matches(error.name or "", types, n=1)
+        hint = f"did you mean `{close[0]}`?" if close else None
+        raise AnnotationError(f"the unknown name `{error.name}`", hint) from None
     except Exception as error:
         raise AnnotationError(text, str(error)) from None
 

@@ -86,7 +86,8 @@ class Calls(Expressions):
             return None
         if not least <= len(node.args) <= most:
             expected = f"{least}" if least == most else f"{least} or more" if most > 9 else f"{least} to {most}"
-            self.error(node, f"`{name}` takes {expected} arguments", found=f"{len(node.args)}")
+            noun = "argument" if expected == "1" else "arguments"
+            self.error(node, f"`{name}` takes {expected} {noun}", found=f"{len(node.args)}")
             return None
         return node.args
 
@@ -266,7 +267,8 @@ class Calls(Expressions):
         problems = len(self.diagnostics)
         given: dict[str, ast.expr] = {}
         if len(node.args) > len(names):
-            self.error(node.args[len(names)], f"{what} takes {len(names)} arguments", found=str(len(node.args)))
+            noun = sort if len(names) == 1 else f"{sort}s"
+            self.error(node.args[len(names)], f"{what} takes {len(names)} {noun}", found=str(len(node.args)))
         for name, argument in zip(names, node.args, strict=False):
             if isinstance(argument, ast.Starred):
                 self.not_in_language(argument, EXPRESSION_NAMES[ast.Starred])

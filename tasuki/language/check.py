@@ -11,6 +11,7 @@ from tasuki.diagnostics import Diagnostic, SourceError
 from tasuki.ir.nodes import Function, Parameter
 from tasuki.ir.types import VOID, Record
 from tasuki.language.context import MISSING, Variable, describe
+from tasuki.language.source import source_order
 from tasuki.language.statements import Statements
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class Checker(Statements):
             body,
             span=self.span(self.definition),
         )
-        diagnostics = sorted(dict.fromkeys(self.diagnostics), key=_place)
+        diagnostics = sorted(dict.fromkeys(self.diagnostics), key=source_order)
         return Checked(function, self.calls, self.tables, self.constants, self.resolved, tuple(diagnostics))
 
     def _miss_return(self) -> None:
@@ -91,8 +92,3 @@ class Checker(Statements):
             expected=f"{describe(self.result)} on every path",
             found=f"the end of line {last.end_lineno} can be reached",
         )
-
-
-def _place(diagnostic: Diagnostic) -> tuple[str, int, int]:
-    span = diagnostic.span
-    return (span.file, span.line, span.column) if span else ("", 0, 0)

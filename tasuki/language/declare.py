@@ -33,7 +33,8 @@ class Declaration:
 
     def __init__(self, function: FunctionType) -> None:
         if not inspect.isfunction(function):
-            raise SourceError([Diagnostic(f"@{self.kind} goes before a function", found=repr(function))])
+            found = f"a {type(function).__name__}" if not isinstance(function, type) else f"class {function.__name__}"
+            raise SourceError([Diagnostic(f"@{self.kind} goes before a function", _caller(), found=found)])
         self.function = function
         self.name: str = function.__name__
         qualified = function.__qualname__.replace(".<locals>", "")
@@ -246,10 +247,17 @@ class RecordValue(metaclass=RecordType):
 def record(cls: type) -> RecordType:
     """Class decorator: annotated fields become a record of the language, in the order in which they stand."""
     body = {name: value for name, value in vars(cls).items() if name not in ("__dict__", "__weakref__")}
-    caller = sys._getframe(1)
     made = RecordType(cls.__name__, (RecordValue,), body)
-    made._place = Span(caller.f_code.co_filename, caller.f_lineno)
+    made._place = _caller()
     return made
+
+
+def _caller() -> Span:
+    """Where, outside this file, the declaration that is being made stands."""
+    frame = sys._getframe()
+    while frame.f_code.co_filename == __file__ and frame.f_back:
+        frame = frame.f_back
+    return Span(frame.f_code.co_filename, frame.f_lineno)
 
 
 @overload

@@ -28,6 +28,7 @@ from tasuki.ir.nodes import (
 from tasuki.ir.types import BOOL, F32, I32, VOID, Record, Scalar, Type
 from tasuki.language.check import Checked
 from tasuki.language.declare import Case, Module, Socket
+from tasuki.language.source import source_order
 from tasuki.language.tables import Table
 
 Filler = Module | Sequence[Case]
@@ -83,7 +84,8 @@ class _Linker:
         if not self.source_problems:
             self.source_problems += find_recursion(self.functions, name)
         if self.source_problems:
-            raise SourceError(dict.fromkeys([*self.source_problems, *self.link_problems]))
+            problems = dict.fromkeys([*self.source_problems, *self.link_problems])
+            raise SourceError(sorted(problems, key=source_order))
         if self.link_problems:
             raise LinkError("\n\n".join(map(str, dict.fromkeys(self.link_problems))))
         tables = {table_name: table.record.ir for table_name, table in self.tables.items()}
@@ -107,7 +109,7 @@ class _Linker:
     def add(self, module: Module) -> None:
         checked = module.examine()
         self.source_problems += checked.diagnostics
-        targets = {key: self.target(callee, checked, key) for key, callee in checked.calls.items()}
+        targets = {key: self.target(callee, module, checked, key) for key, callee in checked.calls.items()}
         for name, table in checked.named_tables.items():
             self.add_table(name, table, module.place)
         function = checked.function
@@ -119,15 +121,15 @@ class _Linker:
         if other is not table:
             self.link_problems.append(Diagnostic(f"two different tables are called `{name}`", place))
 
-    def target(self, callee: Module | Socket, caller: Checked, key: str) -> str:
+    def target(self, callee: Module | Socket, caller: Module, checked: Checked, key: str) -> str:
         """The name, in the program, of the function that a call of `callee` runs."""
         if isinstance(callee, Module):
             return self.name_of(callee)
         if callee in self.names:
             return self.names[callee]
         if callee.name not in self.fillers:
-            span = next((call.span for call in calls(caller.function.body) if call.function == key), None)
-            message = f"socket `{callee.name}`, which `{caller.function.name}` calls, is not filled"
+            span = next((call.span for call in calls(checked.function.body) if call.function == key), None)
+            message = f"socket `{callee.name}`, which `{caller.name}` calls, is not filled"
             hint = f"a module {callee.signature} can fill it"
             self.link_problems.append(Diagnostic(message, span, hint=hint))
             return key

@@ -81,8 +81,8 @@ class Operations(Context):
 def _expected(operation: Operation) -> str:
     if operation.name in ("transform", "compose"):
         return "(vec4, mat4) or (mat4, mat4)"
-    every = dict.fromkeys(", ".join(map(str, parameters)) for parameters, _ in operation.signatures)
-    takes = " or ".join(f"({parameters})" for parameters in every)
+    every = [", ".join(map(str, parameters)) for parameters, _ in operation.signatures]
+    takes = " or ".join(f"({parameters})" if "," in parameters else parameters for parameters in every)
     vectors = [VEC4] * len(operation.signatures[0][0])
     elementwise = operation.sort == "primitive" and operation.result(vectors) is not None
     return f"{takes}, or vectors and matrices elementwise" if elementwise else takes

@@ -12,7 +12,7 @@ from tasuki.diagnostics import Diagnostic, SourceError, Span
 from tasuki.ir import types as ir
 from tasuki.ir.nodes import Signature
 from tasuki.language.annotations import AnnotationError, is_result, is_value, type_of
-from tasuki.language.source import read_source
+from tasuki.language.source import read_source, source_order
 
 if TYPE_CHECKING:
     from tasuki.language.declare import Declaration, RecordType
@@ -51,7 +51,7 @@ def read_signature(declaration: Declaration) -> Signature:
     except SourceError as error:
         problems += error.diagnostics
     if problems:
-        raise SourceError(problems)
+        raise SourceError(sorted(problems, key=source_order))
     return Signature(tuple(types), result)
 
 

@@ -84,6 +84,12 @@ def parse_function(code: CodeType, what: str) -> tuple[Source, ast.FunctionDef]:
     return source, definition
 
 
+def source_order(diagnostic: Diagnostic) -> tuple[str, int, int]:
+    """The key by which diagnostics are sorted for the reader."""
+    span = diagnostic.span
+    return (span.file, span.line, span.column) if span else ("", 0, 0)
+
+
 def _first_line(node: ast.FunctionDef | ast.ClassDef) -> int:
     """The line on which Python lets a definition begin: that of its first decorator."""
     return min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])

@@ -180,8 +180,8 @@ class Statements(Calls):
         if isinstance(variable.type, Array | Table):
             self.error(target, f"`{name}` is {describe(variable.type)} and cannot be assigned as a whole")
             return
-        notes = (Note(f"`{name}` is {describe(variable.type)} from here on", variable.span),)
-        fitted = self.fit(value, variable.type, node, f"the value of `{name}`", notes)
+        notes = self.fixed_before(name, node)
+        fitted = self.fit(value, variable.type, source_of(node), f"the value of `{name}`", notes)
         if fitted.type == UNKNOWN:
             return
         made = self.take_result(fitted) if sole else None
@@ -190,6 +190,13 @@ class Statements(Calls):
             self.block[-1] = replace(made, target=name)
         else:
             self.emit(Assign(name, fitted, span=self.span(node)))
+
+    def fixed_before(self, name: str, node: ast.stmt) -> tuple[Note, ...]:
+        """Where the type of variable `name` was fixed, if not by `node` itself."""
+        variable = self.variables[name]
+        if variable.span.line == node.lineno:
+            return ()
+        return (Note(f"`{name}` is {describe(variable.type)} from here on", variable.span),)
 
     def can_be_variable(self, target: ast.expr, value: Expression) -> bool:
         """Whether a variable can hold `value`; an error where it cannot."""
@@ -211,7 +218,8 @@ class Statements(Calls):
             self.error(target, f"`{ast.unparse(target)}` cannot be assigned", hint=hint)
             return
         self.refuse_loop_variable(target)
-        value = self.fit(self.protect(value, start), place.type, node, f"the value of `{ast.unparse(target)}`")
+        what = f"the value of `{ast.unparse(target)}`"
+        value = self.fit(self.protect(value, start), place.type, source_of(node), what)
         if value.type != UNKNOWN:
             self.emit(place.write(value, self.span(node)))
 
@@ -262,9 +270,9 @@ class Statements(Calls):
         if kind == UNKNOWN or variable.type == UNKNOWN:
             return True
         if variable.type != kind:
-            note = Note(f"`{target.id}` is {describe(variable.type)} from here on", variable.span)
             expected, found = str(variable.type), str(kind)
-            self.error(node, f"`{target.id}` has the wrong type", expected=expected, found=found, notes=(note,))
+            notes = self.fixed_before(target.id, node)
+            self.error(node, f"`{target.id}` has the wrong type", expected=expected, found=found, notes=notes)
         else:
             self.emit(Clear(target.id, span=self.span(node)))
         return True
@@ -290,7 +298,7 @@ class Statements(Calls):
         kind = self.annotation(node.annotation, TYPES)
         variable = self.variables.setdefault(node.target.id, Variable(kind, self.span(node.target)))
         if UNKNOWN not in (kind, variable.type) and variable.type != kind:
-            notes = (Note(f"`{node.target.id}` is {variable.type} from here on", variable.span),)
+            notes = self.fixed_before(node.target.id, node)
             message = f"`{node.target.id}` has another type already"
             self.error(node.annotation, message, expected=str(variable.type), found=str(kind), notes=notes)
         if node.value is not None:
@@ -387,8 +395,7 @@ class Statements(Calls):
         variable = self.variables.setdefault(name, Variable(I32, span))
         if variable.type not in (I32, UNKNOWN):
             message, found = f"`{name}` has the wrong type", str(variable.type)
-            notes = (Note(f"`{name}` is {found} from here on", variable.span),)
-            self.error(node.target, message, expected="i32", found=found, notes=notes)
+            self.error(node.target, message, expected="i32", found=found, notes=self.fixed_before(name, node))
         if bounds is None:
             self.loop_body(node.body, LoopState(name), leaves_by_itself=True)
             return
@@ -447,3 +454,8 @@ class Statements(Calls):
         else:
             self.emit(Continue(span=self.span(node)))
         self.flow.stop()
+
+
+def source_of(node: ast.stmt) -> ast.AST:
+    """What a message about the value of an assignment points at."""
+    return getattr(node, "value", None) or node

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,9 @@ class Table:
 
     def __len__(self) -> int:
         return len(self._bound())
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._bound())
 
     def __bool__(self) -> bool:
         return True

@@ -1,0 +1,6 @@
+from tasuki.language import module
+
+
+@module
+class Thing:
+    pass
