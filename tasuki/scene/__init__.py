@@ -1,4 +1,8 @@
-"""Scenes: what is drawn, the files it comes from, and the four-bank memory image that machines work on."""
+"""Scenes: what is drawn, the files it comes from, and the four-bank memory image that machines work on.
+
+A file goes through an importer (`load_scene`) into the model (`Scene` and its parts); `tasuki.scene.pack` lowers that to
+primitives of registered kinds (`tasuki.scene.kinds`) and puts them into memory (`tasuki.scene.memory`).
+"""
 
 from tasuki.scene.importers import load_scene, register_importer
 from tasuki.scene.model import (
@@ -9,6 +13,7 @@ from tasuki.scene.model import (
     Polygon,
     Scene,
     Shape,
+    Shapes,
     Sphere,
     ViewFrame,
     default_intensity,
@@ -22,6 +27,7 @@ __all__ = [
     "Polygon",
     "Scene",
     "Shape",
+    "Shapes",
     "Sphere",
     "ViewFrame",
     "default_intensity",

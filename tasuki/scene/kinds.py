@@ -35,6 +35,9 @@ class PrimitiveKind:
     normal: Any
     bounds: Any
     inside: Any = None
+    hit: Any = None
+    surface: Any = None
+    box: Any = None
     number: int = -1
 
     def resolve(self, role: str) -> Any:
@@ -102,6 +105,9 @@ def _builtin(name: str, sort: Literal["solid", "surface"]) -> PrimitiveKind:
         normal=f"{modules}:{name}_normal",
         bounds=f"tasuki.scene.bounds:{name}_bounds",
         inside=f"{modules}:{name}_inside" if sort == "solid" else None,
+        hit=f"{modules}:{name}_hit",
+        surface=f"{modules}:{name}_surface",
+        box=f"{modules}:{name}_bounds",
     )
 
 
