@@ -29,7 +29,7 @@ _FOLDED = {"minimum", "maximum"}
 _COMPONENTS = "xyzw"
 
 
-# --- operators --------------------------------------------------------------------------------------------------------
+# --- operators ------------------------------------------------------------------------------------------------------
 
 
 Method = Callable[..., Any]
@@ -269,7 +269,7 @@ def _compound_leaves(type_: types.Type, parts: tuple[Any, ...]) -> tuple[F32, ..
     return tuple(flat)
 
 
-# --- operations -------------------------------------------------------------------------------------------------------
+# --- operations -----------------------------------------------------------------------------------------------------
 
 
 def evaluate(name: str, *args: Any) -> Any:
@@ -277,12 +277,15 @@ def evaluate(name: str, *args: Any) -> Any:
     constructors ("f32", "i32", "vec3", "vec4", "mat4").
 
     Python numbers among the arguments are literals. Lane operations see one lane, which is active. Raises TypeError
-    where the operation does not take these types, KeyError where there is no such operation.
+    where the operation does not take these types, or means something only inside a module.
     """
     if name in _CONSTRUCTORS:
         return _CONSTRUCTORS[name](*args)
-    operation = OPERATIONS[OPERATION_NAMES.get(name, name)]
+    operation = OPERATIONS.get(OPERATION_NAMES.get(name, name))
+    if operation is None:
+        raise TypeError(f"{name} is no operation on values: it has a meaning only inside a module")
     if operation.name in _FOLDED and len(args) > 2:
+        args = tuple(_operands(args))
         return evaluate(name, evaluate(name, *args[:-1]), args[-1])
     operands, result = _resolve(name, operation, args)
     if operation.sort == "lanes":
@@ -323,7 +326,14 @@ def _literal(arg: Any, floating: bool) -> Any:
         return arg
     if isinstance(arg, float | np.floating) or (floating and isinstance(arg, int | np.integer)):
         return F32(arg)
-    return I32(arg) if isinstance(arg, int | np.integer) else arg
+    return _fitting_i32(arg) if isinstance(arg, int | np.integer) else arg
+
+
+def _fitting_i32(number: Any) -> I32:
+    """A Python integer as an I32. TypeError where it would have to wrap: only operations wrap."""
+    if not -(2**31) <= int(number) < 2**31:
+        raise TypeError(f"{number} does not fit i32")
+    return I32(number)
 
 
 def _apply(operation: Operation, operands: Sequence[Any], result: types.Type) -> Any:
@@ -401,7 +411,7 @@ def _may_equal(left: Any, right: Any) -> bool:
     return isinstance(left, F32) or isinstance(right, int | np.integer)
 
 
-# --- types, conversion, leaves ----------------------------------------------------------------------------------------
+# --- types, conversion, leaves --------------------------------------------------------------------------------------
 
 # The Python class of every record type that `@record` has made: values of a record are built from leaves alone.
 _record_classes: WeakValueDictionary[types.Record, type] = WeakValueDictionary()
@@ -454,9 +464,7 @@ def _convert_scalar(type_: types.Scalar, value: Any) -> Any:
         if not isinstance(value, I32):
             return value if isinstance(value, F32) else F32(value)
     elif type_ == types.I32 and isinstance(value, int | np.integer):
-        if not -(2**31) <= value < 2**31:
-            raise TypeError(f"{value} does not fit i32")
-        return value if isinstance(value, I32) else I32(value)
+        return value if isinstance(value, I32) else _fitting_i32(value)
     raise TypeError(f"expected {type_}, found {_describe(value)}")
 
 
@@ -477,14 +485,23 @@ def _convert_compound(type_: types.Type, value: Any) -> Any:
 def _convert_record(type_: types.Record, value: Any) -> Any:
     if type_of_or_none(value) == type_:
         return value
-    if isinstance(value, np.void) and value.dtype.names:
-        value = {name: value[name] for name in value.dtype.names if type_.member(name) is not None}
+    if isinstance(value, np.void) and value.dtype.names == tuple(name for name, _ in type_.fields):
+        return from_leaves(type_, _structured_leaves(value))
     if not isinstance(value, Mapping):
         raise TypeError(f"expected {type_}, found {_describe(value)}")
     names = [name for name, _ in type_.fields]
     if set(value) != set(names):
         raise TypeError(f"{type_} has the fields {', '.join(names)}; found {', '.join(map(str, value))}")
     return _new_record(type_, [_convert_inside(f"{type_}.{name}", t, value[name]) for name, t in type_.fields])
+
+
+def _structured_leaves(value: np.void) -> list[Any]:
+    """The numbers in a structured scalar, as they stand in memory: a matrix column by column, a bool as an integer."""
+    numbers: list[Any] = []
+    for name in value.dtype.names or ():
+        field = value[name]
+        numbers += _structured_leaves(field) if isinstance(field, np.void) else np.ravel(field).tolist()
+    return numbers
 
 
 def _convert_tuple(type_: types.Tuple, value: Any) -> Any:
