@@ -204,7 +204,6 @@ class RecordType(type):
 
             cls._ir = read_record(cls)
             register_record(cls._ir, cls)
-            register_record(cls._ir, cls)
         return cls._ir
 
     def numpy_dtype(cls) -> Any:
