@@ -1,6 +1,6 @@
 """Open cones and cylinders: intersection and what the search needs of the kind. A surface: it has no IN and OUT."""
 
-from tasuki.language import abs, copysign, dot, f32, max, min, module, normalize, select, sqrt, vec3
+from tasuki.language import abs, copysign, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing
 from tasuki.modules.records import Cone
 
@@ -61,13 +61,13 @@ def cone_hit(cone: Cone, origin: vec3, direction: vec3, leaving: bool) -> f32:
 
 
 @module
-def cone_normal(cone: Cone, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3]:
-    """The outward unit normal, as geometry and for shading."""
+def cone_surface(cone: Cone, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+    """The outward unit normal, as geometry and for shading, and the attribute."""
     f = point - cone.base
     height = dot(f, cone.axis)
     radius = cone.radius + cone.slope * height
     normal = normalize(f - (height + cone.slope * radius) * cone.axis)
-    return normal, normal
+    return normal, normal, cone.attribute
 
 
 @module

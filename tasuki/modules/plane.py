@@ -1,6 +1,6 @@
 """Planes: intersection (module 9), IN/OUT (11), and what the search needs of the kind."""
 
-from tasuki.language import dot, f32, module, select, vec3
+from tasuki.language import dot, f32, i32, module, select, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing
 from tasuki.modules.records import Plane
 
@@ -30,9 +30,9 @@ def plane_hit(plane: Plane, origin: vec3, direction: vec3, leaving: bool) -> f32
 
 
 @module
-def plane_normal(plane: Plane, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3]:
-    """The outward normal, as geometry and for shading."""
-    return plane.normal, plane.normal
+def plane_surface(plane: Plane, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+    """The outward normal, as geometry and for shading, and the attribute."""
+    return plane.normal, plane.normal, plane.attribute
 
 
 @module

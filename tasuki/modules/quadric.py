@@ -1,10 +1,12 @@
 """Quadrics, spheres among them: intersection (module 10), IN/OUT (12), and what the search needs of the kind."""
 
-from tasuki.language import abs, copysign, dot, f32, max, min, module, normalize, select, sqrt, vec3
+from tasuki.language import abs, copysign, cross, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
 from tasuki.modules.crossing import first_crossing
 from tasuki.modules.records import SPHERE, Quadric
 
 FAR = 1.0e30
+ROUNDING = 1.9073486e-6
+"""2**-19: relative error, with room to spare, of a determinant of well-conditioned numbers."""
 
 
 @module
@@ -71,28 +73,38 @@ def quadric_hit(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool) 
 
 
 @module
-def quadric_normal(quadric: Quadric, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3]:
-    """The outward unit normal, half the gradient made unit, as geometry and for shading."""
+def quadric_surface(quadric: Quadric, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+    """The outward unit normal, half the gradient made unit, as geometry and for shading, and the attribute."""
     linear = vec3(quadric.l1, quadric.l2, quadric.l3)
     normal = normalize(quadric_matrix_times(quadric, point - quadric.centre) + 0.5 * linear)
-    return normal, normal
+    return normal, normal, quadric.attribute
 
 
 @module
 def quadric_bounds(quadric: Quadric) -> tuple[vec3, vec3]:
-    """The box of an ellipsoid (sqrt(r * (Q^-1)_ii) about the centre); the box of everything for any other quadric."""
-    c11 = quadric.q2.y * quadric.q3.z - quadric.q3.y * quadric.q2.z
-    c22 = quadric.q1.x * quadric.q3.z - quadric.q3.x * quadric.q1.z
-    c33 = quadric.q1.x * quadric.q2.y - quadric.q2.x * quadric.q1.y
-    determinant = (
-        quadric.q1.x * c11
-        + quadric.q2.x * (quadric.q3.y * quadric.q1.z - quadric.q1.y * quadric.q3.z)
-        + quadric.q3.x * (quadric.q1.y * quadric.q2.z - quadric.q2.y * quadric.q1.z)
-    )
-    linear = abs(quadric.l1) + abs(quadric.l2) + abs(quadric.l3)
-    definite = quadric.q1.x > 0.0 and c33 > 0.0 and determinant > 0.0
-    if not (definite and linear == 0.0 and quadric.constant > 0.0):
-        return vec3(-FAR), vec3(FAR)
-    scale = quadric.constant / determinant
-    half = vec3(sqrt(scale * c11), sqrt(scale * c22), sqrt(scale * c33))
-    return quadric.centre - half, quadric.centre + half
+    """The box of an ellipsoid; the box of everything for any other quadric.
+
+    Completing the square moves the centre to p - Q^-1 l / 2 and r to r + l^T Q^-1 l / 4; along axis i an ellipsoid reaches
+    sqrt(r (Q^-1)_ii). The box is widened by what rounding may do to Q^-1, which grows with Q's condition.
+    """
+    column1 = cross(quadric.q2, quadric.q3)
+    column2 = cross(quadric.q3, quadric.q1)
+    column3 = cross(quadric.q1, quadric.q2)
+    determinant = dot(quadric.q1, column1)
+    size = dot(quadric.q1, quadric.q1) + dot(quadric.q2, quadric.q2) + dot(quadric.q3, quadric.q3)
+    doubt = ROUNDING * size * sqrt(size) / abs(determinant)
+    # Q is definite if its leading minors have the signs + + + or - + -.
+    definite = column3.z > 0.0 and quadric.q1.x * determinant > 0.0
+    low = vec3(-FAR)
+    high = vec3(FAR)
+    if definite and doubt < 0.5:
+        linear = vec3(quadric.l1, quadric.l2, quadric.l3) * (0.5 / determinant)
+        shift = vec3(dot(column1, linear), dot(column2, linear), dot(column3, linear))
+        constant = quadric.constant + determinant * dot(linear, shift)
+        scale = max(constant / determinant, 0.0)
+        half = vec3(sqrt(scale * column1.x), sqrt(scale * column2.y), sqrt(scale * column3.z)) * (1.0 + doubt)
+        low = quadric.centre - shift * (1.0 + doubt) - half
+        high = quadric.centre - shift * (1.0 - doubt) + half
+        low = min(low, quadric.centre - shift * (1.0 - doubt) - half)
+        high = max(high, quadric.centre - shift * (1.0 + doubt) + half)
+    return low, high

@@ -3,15 +3,12 @@
 T. Whitted, "An Improved Illumination Model for Shaded Display", 1980.
 """
 
-from tasuki.language import abs, dot, f32, floor, i32, max, module, norm, record, select, socket, vec3
+from tasuki.language import abs, dot, f32, floor, i32, max, module, norm, record, socket, vec3
 from tasuki.modules.bvh import NOTHING, nearest_intersection, shadow_intersection
 from tasuki.modules.directions import reflection_direction, view_direction
-from tasuki.modules.records import Attribute, RayCounts, View, attributes, lights, picture, ray_counts, views
-from tasuki.modules.records import Pixel
+from tasuki.modules.records import Attribute, Pixel, RayCounts, View, attributes, lights, picture, ray_counts, views
 from tasuki.modules.shading import accumulate_luminance, shading
 
-TILE = 4
-"""Pixels along the side of a tile; the 16 pixels of a tile travel together where a packet has 16 lanes."""
 ROUNDING = 4.76837158e-7
 """2**-21: relative error, with room to spare, of a hit point and of the way to it."""
 GOLDEN_X = 0.7548776662466927
@@ -19,14 +16,8 @@ GOLDEN_Y = 0.5698402909980532
 
 
 @socket(dispatch=True)
-def primitive_normal(kind: i32, index: i32, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3]:
-    """The unit normals at a point of a primitive that this ray has hit: of the geometry, and for shading."""
-    ...
-
-
-@socket(dispatch=True)
-def primitive_attribute(kind: i32, index: i32) -> i32:
-    """The index of a primitive's attribute."""
+def primitive_surface(kind: i32, index: i32, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+    """At a point of a primitive that this ray has hit: the unit normals of the geometry and for shading; the attribute."""
     ...
 
 
@@ -55,11 +46,11 @@ def surface_at(origin: vec3, direction: vec3, t: f32, hit: i32) -> Surface:
     """The surface where a ray has hit primitive `hit` at t."""
     primitive = -1 - hit
     point = origin + t * direction
-    geometry, normal = primitive_normal(primitive & 31, primitive >> 5, origin, direction, point)
+    geometry, normal, attribute = primitive_surface(primitive & 31, primitive >> 5, origin, direction, point)
     if dot(geometry, direction) > 0.0:
         geometry = -geometry
         normal = -normal
-    return Surface(point, geometry, normal, primitive_attribute(primitive & 31, primitive >> 5))
+    return Surface(point, geometry, normal, attribute)
 
 
 @module
@@ -133,26 +124,21 @@ def sample_offset(sample: i32, step: f32) -> f32:
 
 
 @module
-def trace_pixel(item: i32):
-    """Render pixel number `item`, counted tile by tile, into the picture."""
+def trace_pixel(place: i32):
+    """Render the pixel of the region at row `place // 65536` and column `place % 65536` into the picture."""
     view = views[0]
-    tile = item // (TILE * TILE)
-    within = item % (TILE * TILE)
-    column = (tile % view.tiles_across) * TILE + within % TILE
-    row = (tile // view.tiles_across) * TILE + within // TILE
-    if column < view.region_width and row < view.region_height:
-        x = f32(view.region_x + column)
-        y = f32(view.region_y + row)
-        total = Traced(vec3(0.0), 0, 0, 0)
-        for sample in range(view.samples):
-            eye_x = x + sample_offset(sample, GOLDEN_X)
-            eye_y = y + sample_offset(sample, GOLDEN_Y)
-            traced = trace(view, view_direction(view, eye_x, eye_y))
-            total.luminance = total.luminance + traced.luminance
-            total.eye_hits += traced.eye_hits
-            total.reflection += traced.reflection
-            total.shadow += traced.shadow
-        count = f32(view.samples)
-        index = row * view.region_width + column
-        picture[index] = Pixel(total.luminance / count, f32(total.eye_hits) / count)
-        ray_counts[index] = RayCounts(total.eye_hits, total.reflection, 0, total.shadow)
+    column = place & 65535
+    row = place >> 16
+    total = Traced(vec3(0.0), 0, 0, 0)
+    for sample in range(view.samples):
+        x = f32(view.region_x + column) + sample_offset(sample, GOLDEN_X)
+        y = f32(view.region_y + row) + sample_offset(sample, GOLDEN_Y)
+        traced = trace(view, view_direction(view, x, y))
+        total.luminance = total.luminance + traced.luminance
+        total.eye_hits += traced.eye_hits
+        total.reflection += traced.reflection
+        total.shadow += traced.shadow
+    count = f32(view.samples)
+    index = row * view.region_width + column
+    picture[index] = Pixel(total.luminance / count, f32(total.eye_hits) / count)
+    ray_counts[index] = RayCounts(total.eye_hits, total.reflection, 0, total.shadow)

@@ -115,7 +115,6 @@ class View:
     down: vec3
     depth: i32
     background: vec3
-    tiles_across: i32
     region_x: i32
     region_y: i32
     region_width: i32

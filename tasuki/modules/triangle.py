@@ -1,6 +1,6 @@
 """Triangles with smooth normals: intersection and what the search needs of the kind. A surface: it has no IN and OUT."""
 
-from tasuki.language import cross, dot, f32, max, min, module, normalize, select, vec3
+from tasuki.language import cross, dot, f32, i32, max, min, module, normalize, select, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing
 from tasuki.modules.records import Triangle
 
@@ -31,14 +31,14 @@ def triangle_hit(triangle: Triangle, origin: vec3, direction: vec3, leaving: boo
 
 
 @module
-def triangle_normal(triangle: Triangle, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3]:
-    """The normal of the plane, and that interpolated between the corners."""
+def triangle_surface(triangle: Triangle, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+    """The normal of the plane, that interpolated between the corners, and the attribute."""
     u, v, w = edge_volumes(triangle, origin, direction)
     flat = normalize(cross(triangle.b - triangle.a, triangle.c - triangle.a))
     blended = u * triangle.normal_a + v * triangle.normal_b + w * triangle.normal_c
     total = u + v + w
     smooth = normalize(select(total < 0.0, -blended, blended))
-    return flat, smooth
+    return flat, smooth, triangle.attribute
 
 
 @module

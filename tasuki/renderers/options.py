@@ -1,0 +1,63 @@
+"""What every renderer is told: size, samples, depth, region, threads. Checked when made."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+
+from tasuki.diagnostics import SceneError
+
+LARGEST_SIDE = 65535
+"""A pixel's row and column share one 32-bit word."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """The part of the picture that is rendered, in pixels from its upper left corner."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """How a scene is rendered. Raises SceneError with what was expected and found.
+
+    `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0: one
+    for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
+    """
+
+    width: int = 512
+    height: int = 512
+    samples: int = 1
+    depth: int = 5
+    threads: int = 0
+    region: Region = field(default_factory=lambda: Region(0, 0, 0, 0))
+    unchecked: bool = False
+    profile: bool = False
+
+    def __post_init__(self) -> None:
+        for name, least, most in (
+            ("width", 1, LARGEST_SIDE),
+            ("height", 1, LARGEST_SIDE),
+            ("samples", 1, 1 << 20),
+            ("depth", 1, 1 << 20),
+            ("threads", 0, 1 << 10),
+        ):
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise SceneError(f"error: {name} is out of range\n  expected: {least} to {most}\n  found: {value}")
+        object.__setattr__(self, "threads", self.threads or os.cpu_count() or 1)
+        region = self.region
+        if region == Region(0, 0, 0, 0):
+            object.__setattr__(self, "region", Region(0, 0, self.width, self.height))
+            return
+        inside = 0 <= region.x < region.x + region.width <= self.width
+        if not (inside and 0 <= region.y < region.y + region.height <= self.height):
+            raise SceneError(
+                "error: the region is not a part of the picture\n"
+                f"  expected: X,Y,WIDTH,HEIGHT within {self.width}x{self.height}\n"
+                f"  found: {region.x},{region.y},{region.width},{region.height}"
+            )
