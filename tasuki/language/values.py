@@ -258,7 +258,7 @@ def _compound_leaves(type_: types.Type, parts: tuple[Any, ...]) -> tuple[F32, ..
     count = len(type_.leaves)
     flat: list[F32] = []
     for part in parts:
-        if isinstance(part, _Compound) and not (isinstance(part, Vec4) and type_ == types.VEC4 and len(parts) > 1):
+        if isinstance(part, _Compound):
             flat += part._leaves
         else:
             flat.append(convert(types.F32, part))

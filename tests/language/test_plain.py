@@ -1,17 +1,21 @@
-"""Modules as plain Python give the interpreter's results, bit for bit; breakpoints and tracebacks are the user's own."""
+"""Modules as plain Python give the interpreter's results, bit for bit; breakpoints and tracebacks are the user's."""
 
 import bdb
+import importlib
 import linecache
 import math
+import pkgutil
 import sys
 import traceback
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tasuki.modules
 from tasuki.diagnostics import LinkError, MachineError, SourceError
+from tasuki.ir import types
 from tasuki.ir.interpret import interpret
 from tasuki.ir.memory import MemoryTable
 from tasuki.language import (
@@ -52,8 +56,9 @@ from tasuki.language import (
     vec3,
     vec4,
 )
+from tasuki.language.declare import Module
 from tasuki.language.plain import memory_table, tables
-from tasuki.language.values import F32, I32, Vec3, leaves
+from tasuki.language.values import F32, I32, Vec3, convert, from_leaves, leaves
 
 floats = st.floats(width=32) | st.sampled_from([0.0, -0.0, 2.0**-149, 2.0**128 - 2.0**104, np.inf, -np.inf, np.nan])
 tame = st.floats(-100, 100, width=32)
@@ -61,6 +66,7 @@ ints = st.integers(-(2**31), 2**31 - 1) | st.sampled_from([0, 1, -1, 31, 32, 2**
 truths = st.booleans()
 
 THIRD = 1.0 / 3.0
+FAR = math.inf
 MASK = 0xFF
 LEAST = -2147483648
 ON = True
@@ -111,7 +117,7 @@ def agree(entry, *arguments, fillers=None, memory=None):
     copies = {name: MemoryTable(table.memory.copy(), table.base, table.count) for name, table in memory.items()}
     with tables(memory):
         found = entry(*arguments)
-    flat = [as_leaves(convert_like(entry, i, argument)) for i, argument in enumerate(arguments)]
+    flat = [as_leaves(convert(t, argument)) for t, argument in zip(entry.signature.parameters, arguments, strict=True)]
     expected = interpret(link(entry, fillers or {}), flat, lanes=1, tables=copies)
     plain = leaves(found)
     assert len(plain) == len(expected)
@@ -120,12 +126,6 @@ def agree(entry, *arguments, fillers=None, memory=None):
     for name, table in memory.items():
         np.testing.assert_array_equal(table.words, copies[name].words)
     return found
-
-
-def convert_like(entry, position, argument):
-    from tasuki.language.values import convert
-
-    return convert(entry.signature.parameters[position], argument)
 
 
 # --- modules with every construct -----------------------------------------------------------------------------------
@@ -195,7 +195,7 @@ def conditional_values(c: bool, x: f32, n: i32) -> tuple[f32, i32, f32, i32, f32
 
 @module
 def branches(x: f32, y: f32) -> f32:
-    if (x < y and not x > 3.0) or y > 10.0:
+    if (x < y and not x > 3.0) or 10.0 < y < FAR:
         result = x
     elif 0.0 < x <= y < 5.0:
         result = y
@@ -498,6 +498,44 @@ def test_a_table_is_written_and_shown_from_outside():
         assert boxes[2].count == 5
         with pytest.raises(TypeError, match="expected Box"):
             boxes[2] = 3
+
+
+# --- the modules that we ship -----------------------------------------------------------------------------------------
+
+
+def is_closed(member):
+    """Whether `member` is a module that needs neither tables nor fillers: it can be run on its arguments alone."""
+    if not isinstance(member, Module) or any(isinstance(t, types.Table) for t in member.signature.parameters):
+        return False
+    try:
+        return not link(member).tables
+    except LinkError:
+        return False
+    except SourceError:
+        return True  # its own test will say what is wrong
+
+
+def shipped_modules():
+    """Every closed module of `tasuki.modules`."""
+    packages = pkgutil.iter_modules(tasuki.modules.__path__, "tasuki.modules.")
+    members = [member for package in packages for member in vars(importlib.import_module(package.name)).values()]
+    return sorted(set(filter(is_closed, members)), key=lambda member: member.qualified_name)
+
+
+SHIPPED = shipped_modules()
+LEAVES = {"f32": st.floats(-4, 4, width=32), "i32": st.integers(-2, 40), "bool": truths}
+
+
+def test_there_are_modules_to_hold():
+    assert len(SHIPPED) >= 5
+
+
+@pytest.mark.parametrize("entry", SHIPPED, ids=lambda entry: entry.qualified_name)
+@settings(max_examples=20, deadline=None)
+@given(data=st.data())
+def test_shipped_modules(entry, data):
+    parameters = entry.signature.parameters
+    agree(entry, *(from_leaves(t, [data.draw(LEAVES[leaf]) for leaf in t.leaves]) for t in parameters))
 
 
 # --- sockets, closures, globals -------------------------------------------------------------------------------------
