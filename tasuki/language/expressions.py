@@ -20,7 +20,7 @@ from tasuki.ir.types import BOOL, F32, I32, MAT4, Array, Matrix, Record, Table, 
 from tasuki.language.annotations import TableType
 from tasuki.language.context import MISSING, POISON, UNKNOWN, Literal, describe
 from tasuki.language.declare import Declaration, RecordType
-from tasuki.language.effects import eager_safe, is_cheap
+from tasuki.language.effects import eager_safe, is_cheap, variables_read
 from tasuki.language.names import VOCABULARY, Builtin, TypeName
 from tasuki.language.operations import BINARY, COMPARISON, Operations
 from tasuki.language.places import ElementPlace, Place, RowPlace, VariablePlace
@@ -331,14 +331,17 @@ class Expressions(Operations):
         Where evaluating one too many cannot be noticed it is an ordinary operation; else an `If` around the rest.
         """
         result = tests[0]()
+        conditional: set[str] = set()  # temporaries that have a value only if their test was reached
         for test in tests[1:]:
+            known = set(self.temporaries)
             with self.nested_block() as block:
                 value = test()
             if UNKNOWN in (result.type, value.type):
                 result = POISON
-            elif not block and eager_safe(value):
+            elif not block and eager_safe(value) and not variables_read(value) & conditional:
                 result = self.operate(node, "and", operation, (result, value))
             else:
+                conditional |= set(self.temporaries) - known
                 result = self._decide(node, result, operation, block, value)
         return result
 
