@@ -1,6 +1,6 @@
 """Scenes: what is drawn, the files it comes from, and the four-bank memory image that machines work on.
 
-A file goes through an importer (`load_scene`) into the model (`Scene` and its parts); `tasuki.scene.pack` lowers that to
+A file goes through an importer (`load_scene`) into the model (`Scene` and its parts); `tasuki.scene.pack` lowers it to
 primitives of registered kinds (`tasuki.scene.kinds`) and puts them into memory (`tasuki.scene.memory`).
 """
 

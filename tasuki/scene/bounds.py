@@ -1,4 +1,4 @@
-"""Boxes around primitives, from their records: what `PrimitiveKind.bounds` names.
+"""Boxes around primitives, computed on the host from their records: for `tasuki info`, and to hold the modules to.
 
 Every function takes the structured array of a kind's records, and returns the low and high corners, float64, of shape
 (n, 3). They hold every point that float32 arithmetic on the record can find: curved surfaces get a little more room.
@@ -58,8 +58,18 @@ def cone_bounds(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangle_bounds(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The box of the corners, exactly."""
     corners = np.stack([records["a"], records["b"], records["c"]]).astype(np.float64)
     return corners.min(axis=0), corners.max(axis=0)
+
+
+HOST_BOUNDS = {
+    "plane": plane_bounds,
+    "quadric": quadric_bounds,
+    "cone": cone_bounds,
+    "triangle": triangle_bounds,
+}
+"""The functions above, by the name of their kind."""
 
 
 def outward(low: np.ndarray, high: np.ndarray) -> np.ndarray:

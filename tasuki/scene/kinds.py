@@ -22,26 +22,23 @@ MOST_KINDS = 32
 class PrimitiveKind:
     """One kind of primitive.
 
-    A *solid* has an inside (`inside`, its IN/OUT module) and may be an operand of set operations; a *surface* has none.
-    `intersection` and `normal` are modules. `bounds` is a function on the host, from the structured array of the kind's
-    records to the corners (low, high) of boxes that hold their surfaces, two float64 arrays of shape (n, 3).
-    `number` is what the field `kind` of a record holds; `register` gives it.
+    `table` is the table that holds its records. The modules that fill the sockets of the search are `hit` (the first
+    visible crossing of a ray), `surface` (normals and attribute at a point) and `box` (bounds). A *solid* has an inside
+    (`inside`, its IN/OUT module) and may be an operand of set operations; a *surface* has none. `number` is what the
+    field `kind` of a record holds; `register` gives it.
     """
 
     name: str
     sort: Literal["solid", "surface"]
     table: Any
-    intersection: Any
-    normal: Any
-    bounds: Any
+    hit: Any
+    surface: Any
+    box: Any
     inside: Any = None
-    hit: Any = None
-    surface: Any = None
-    box: Any = None
     number: int = -1
 
     def resolve(self, role: str) -> Any:
-        """The object in field `role` ("table", "intersection", ...), imported where it is given by name."""
+        """The object in field `role` ("table", "hit", ...), imported where it is given by name."""
         value = getattr(self, role)
         return resolve(value) if isinstance(value, str) else value
 
@@ -101,13 +98,10 @@ def _builtin(name: str, sort: Literal["solid", "surface"]) -> PrimitiveKind:
         name=name,
         sort=sort,
         table=f"tasuki.modules.records:{name}s",
-        intersection=f"{modules}:{name}_intersection",
-        normal=f"{modules}:{name}_normal",
-        bounds=f"tasuki.scene.bounds:{name}_bounds",
-        inside=f"{modules}:{name}_inside" if sort == "solid" else None,
         hit=f"{modules}:{name}_hit",
         surface=f"{modules}:{name}_surface",
         box=f"{modules}:{name}_bounds",
+        inside=f"{modules}:{name}_inside" if sort == "solid" else None,
     )
 
 

@@ -17,7 +17,8 @@ from tasuki.scene.triangulate import triangulate
 
 TWO_SIDED = 1
 INSIDE_ONLY = 2
-"""Flags of a primitive, as `tasuki.modules.records` gives them."""
+UNIT_MATRIX = 4
+"""Flags of a primitive, as `tasuki.modules.records` gives them (there UNIT_MATRIX is the flag SPHERE of a quadric)."""
 
 NO_MATRIX = -1
 """The matrix of a primitive that stands in the scene's own coordinates."""
@@ -47,6 +48,7 @@ def _spheres(scene: Scene) -> Primitives:
     records["q1"] = (1.0, 0.0, 0.0)
     records["q2"] = (0.0, 1.0, 0.0)
     records["q3"] = (0.0, 0.0, 1.0)
+    records["flags"] |= UNIT_MATRIX
     return Primitives(kind, records, _shape_numbers(scene, SPHERE))
 
 

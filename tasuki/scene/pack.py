@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
-from tasuki.scene.bounds import outward
+from tasuki.scene.bounds import HOST_BOUNDS, outward
 from tasuki.scene.check import problems, without_degenerate
 from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, resolve
 from tasuki.scene.lower import TWO_SIDED, Primitives, lower
@@ -77,23 +77,15 @@ def pack(scene: Scene) -> Packed:
 def bounds(packed: Packed) -> tuple[np.ndarray, np.ndarray]:
     """`boxes` (n, 2, 3) float32, the low and high corner around every primitive, and `codes` (n,) int32.
 
-    A code is index * 32 + kind. Primitives stand by kind and index. The boxes hold the surfaces, rounded outward.
+    A code is index * 32 + kind. Primitives stand by kind and index. The boxes hold the surfaces, rounded outward. They
+    are computed here, without a machine, and independently of the kinds' modules.
     """
     boxes = [np.zeros((0, 2, 3), np.float32)]
     codes = [np.zeros(0, np.int32)]
     for one in packed.primitives:
-        boxes.append(outward(*one.kind.resolve("bounds")(one.records)))
+        boxes.append(outward(*HOST_BOUNDS[one.kind.name](one.records)))
         codes.append(np.arange(len(one.records), dtype=np.int32) * MOST_KINDS + one.kind.number)
     return np.concatenate(boxes), np.concatenate(codes)
-
-
-def box_records(packed: Packed) -> np.ndarray:
-    """`bounds` as records of the table "boxes"."""
-    boxes, codes = bounds(packed)
-    records = np.zeros(len(codes), _dtype("Box"))
-    records["low"], records["high"] = boxes[:, 0], boxes[:, 1]
-    records["code"] = codes
-    return records
 
 
 def _attributes(scene: Scene) -> np.ndarray:
