@@ -1,6 +1,6 @@
 """What the modules of all primitive kinds share: no crossing, and the first crossing that shows."""
 
-from tasuki.language import f32, i32, module, select
+from tasuki.language import f32, i32, min, module, select
 from tasuki.modules.records import INSIDE_ONLY, TWO_SIDED
 
 NOWHERE = float("inf")
@@ -17,7 +17,7 @@ def first_crossing(flags: i32, enter: f32, leave: f32) -> f32:
     front = select(enter > 0.0, enter, NOWHERE)
     back = select(leave > 0.0, leave, NOWHERE)
     if flags & TWO_SIDED != 0:
-        front = select(enter > 0.0, enter, back)
+        front = min(front, back)
     elif flags & INSIDE_ONLY != 0:
         front = back
     return front
