@@ -292,12 +292,13 @@ class _FunctionVerifier:
             self._say(f"`{name}` is assigned, but is a {kind}")
         return None if isinstance(kind, Array | Table) else kind
 
-    # --- expressions: each gives the type that it has, or None after a complaint
+    # --- expressions: each gives its type, or None after a complaint, so that one mistake is named once
 
     def _value(self, node: Expression) -> Type | None:
         kind = self._expected_type(node)
         if kind is not None and kind != node.type:
             self._say(f"{_name(node)} has the type {node.type}; its parts give {kind}")
+            return None
         return kind
 
     def _expected_type(self, node: Expression) -> Type | None:
@@ -334,7 +335,9 @@ class _FunctionVerifier:
             self._say(f"a constant of type {kind}")
             return None
         is_exact = {F32: _is_float32, I32: _is_int32, BOOL: _is_bool}.get(kind)
-        self._expect(is_exact is not None and is_exact(value), f"{value!r} is not exactly a value of {kind}")
+        if is_exact is None or not is_exact(value):
+            self._say(f"{value!r} is not exactly a value of {kind}")
+            return None
         return kind
 
     def _local(self, node: Local) -> Type | None:
@@ -395,7 +398,9 @@ class _FunctionVerifier:
         if not isinstance(declared, Table):
             self._say(f"`{node.name}` is not declared as a table")
             return None
-        self._same(f"table `{node.name}`", declared, node.type)
+        if node.type != declared:
+            self._say(f"table `{node.name}` is {declared}, not {node.type}")
+            return None
         return declared.record
 
     def _array(self, name: str) -> Type | None:

@@ -163,6 +163,20 @@ def test_arrays_are_zero_when_their_life_begins_and_clamp_their_indices():
     assert list(second) == [0, 0, 1, 0, 0]
 
 
+def test_an_index_past_the_end_is_the_last():
+    text = """
+    function main(n: i32) -> tuple[i32, i32] {
+      var a: array[i32, 3]
+      clear a
+      a[2] = 5
+      a[n] = a[n] + n
+      return (a[2], a[0])
+    }"""
+    last, first = run(text, ints(3, 2**31 - 1, -1))
+    assert list(last) == [8, 5 + 2**31 - 1 - 2**32, 5]
+    assert list(first) == [0, 0, -1]
+
+
 def test_members_of_elements_and_records_are_assigned_alone():
     text = """
     record Hit {
