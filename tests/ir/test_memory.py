@@ -170,8 +170,9 @@ def test_unchecked_access_ends_where_the_memory_ends():
     rows.words[3, 0] = 9
     text = "function main(i: i32) -> i32 {\n  return @rows[i].n\n}"
     assert run(text, [ints(1)], rows, checked=False)[0][0] == 9
-    with pytest.raises(MachineError):
-        run(text, [ints(100)], rows, checked=False)
+    for index in (100, -(2**31)):  # Two rows each: the second would wrap to the table's first in 32 bits.
+        with pytest.raises(MachineError):
+            run(text, [ints(index)], rows, checked=False)
 
 
 def test_tables_that_do_not_fit_are_refused():
