@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import FunctionType, GenericAlias
+from types import FrameType, FunctionType, GenericAlias
 from typing import Any
 
 from tasuki.ir.types import BOOL, VOID, Matrix, Record, Scalar, Table, Tuple, Type, Vector
@@ -38,11 +39,11 @@ class AnnotationError(Exception):
 
 
 class Names(Mapping[str, Any]):
-    """What a function's free names stand for: its closure, then its globals."""
+    """What a function's free names stand for: its closure, then `mentioned`, then its globals."""
 
-    def __init__(self, function: FunctionType) -> None:
+    def __init__(self, function: FunctionType, mentioned: Mapping[str, Any]) -> None:
         self.globals = function.__globals__
-        self.closure: dict[str, Any] = {}
+        self.closure: dict[str, Any] = dict(mentioned)
         for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
             try:
                 self.closure[name] = cell.cell_contents
@@ -57,6 +58,14 @@ class Names(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len({**self.globals, **self.closure})
+
+
+def mentioned_names(annotations: Mapping[str, Any], frame: FrameType) -> dict[str, Any]:
+    """Local names of `frame`, a running function, that textual `annotations` mention: no closure keeps these."""
+    if frame.f_locals is frame.f_globals:
+        return {}
+    words = {word for text in annotations.values() if isinstance(text, str) for word in re.findall(r"\w+", text)}
+    return {word: frame.f_locals[word] for word in words if word in frame.f_locals}
 
 
 def type_of(annotation: Any, names: Mapping[str, Any]) -> Type:

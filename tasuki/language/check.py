@@ -52,7 +52,12 @@ def check_module(module: Module) -> Checked:
         signature = module.signature
     except SourceError as error:
         return Checked(Function(module.qualified_name, (), VOID, {}, ()), diagnostics=error.diagnostics)
-    return checker.check(signature.parameters, signature.result)
+    try:
+        return checker.check(signature.parameters, signature.result)
+    except RecursionError:
+        message, hint = f"`{module.name}` is nested too deeply", "give names to parts of its expressions"
+        nested = Diagnostic(message, module.place, hint=hint, source=checker.source.text)
+        return Checked(Function(module.qualified_name, (), VOID, {}, ()), diagnostics=(nested,))
 
 
 class Checker(Statements):

@@ -147,7 +147,7 @@ class Context:
 
     def protect(self, value: Expression, start: int) -> Expression:
         """`value` as it was before the statements from `start` on, which were made after it but run before its use."""
-        if not reads_memory(value) or not changes_memory(self.block[start:]):
+        if not changes_memory(self.block[start:]) or not reads_memory(value):
             return value
         name = self.temporary(value.type)
         self.block.insert(start, Assign(name, value, span=value.span))

@@ -10,13 +10,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import FunctionType
+from types import FrameType, FunctionType
 from typing import TYPE_CHECKING, Any, overload
 
 from tasuki.diagnostics import Diagnostic, LinkError, SourceError, Span
 from tasuki.ir.nodes import Signature
 from tasuki.ir.types import Record
-from tasuki.language.annotations import Names
+from tasuki.language.annotations import Names, mentioned_names
 from tasuki.language.source import Source, parse_function
 from tasuki.language.tables import Table
 
@@ -30,12 +30,15 @@ class Declaration:
     """What modules and sockets share: a Python function whose annotations are types of the language."""
 
     kind = "module"
+    source: Source | None = None
+    """The text in which the function stands, where it is known already."""
 
     def __init__(self, function: FunctionType) -> None:
         if not inspect.isfunction(function):
             found = f"a {type(function).__name__}" if not isinstance(function, type) else f"class {function.__name__}"
-            raise SourceError([Diagnostic(f"@{self.kind} goes before a function", _caller(), found=found)])
+            raise SourceError([Diagnostic(f"@{self.kind} goes before a function", _place(_caller()), found=found)])
         self.function = function
+        self._mentioned = mentioned_names(function.__annotations__, _caller())
         self.name: str = function.__name__
         qualified = function.__qualname__.replace(".<locals>", "")
         self.qualified_name: str = f"{function.__module__}:{qualified}"
@@ -65,12 +68,12 @@ class Declaration:
     @cached_property
     def parsed(self) -> tuple[Source, ast.FunctionDef]:
         """The text that the function stands in, and its definition. `SourceError` where they are not to be had."""
-        return parse_function(self.function.__code__, f"{self.kind} `{self.name}`")
+        return parse_function(self.function.__code__, f"{self.kind} `{self.name}`", self.source)
 
     @property
     def names(self) -> Names:
         """What the free names of the function stand for now."""
-        return Names(self.function)
+        return Names(self.function, self._mentioned)
 
     @property
     def place(self) -> Span:
@@ -193,6 +196,7 @@ class RecordType(type):
     """The class of classes that `@record` makes. Such a class is a type of the language and a Python class at once."""
 
     _place: Span
+    _mentioned: dict[str, Any]
     _ir: Record | None = None
 
     @property
@@ -247,15 +251,20 @@ def record(cls: type) -> RecordType:
     """Class decorator: annotated fields become a record of the language, in the order in which they stand."""
     body = {name: value for name, value in vars(cls).items() if name not in ("__dict__", "__weakref__")}
     made = RecordType(cls.__name__, (RecordValue,), body)
-    made._place = _caller()
+    made._place = _place(_caller())
+    made._mentioned = mentioned_names(made.__annotations__, _caller())
     return made
 
 
-def _caller() -> Span:
-    """Where, outside this file, the declaration that is being made stands."""
+def _caller() -> FrameType:
+    """The frame, outside this file, that makes a declaration."""
     frame = sys._getframe()
     while frame.f_code.co_filename == __file__ and frame.f_back:
         frame = frame.f_back
+    return frame
+
+
+def _place(frame: FrameType) -> Span:
     return Span(frame.f_code.co_filename, frame.f_lineno)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -160,6 +161,12 @@ class _Linker:
         return name
 
     def declaration_problems(self, socket: Socket) -> Iterator[Diagnostic]:
+        source, definition = socket.parsed
+        for statement in definition.body:
+            if not (isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)):
+                message = f"socket `{socket.name}` has a body: what fills it is said when a program is linked"
+                yield Diagnostic(message, source.span(statement), expected="...", source=source.text)
+                break
         if socket.dispatch and socket.signature.parameters[:2] != (I32, I32):
             expected = "(i32, i32, ...): the kind and the index"
             message = f"dispatch socket `{socket.name}` does not begin with a kind and an index"

@@ -20,6 +20,7 @@ from typing import Any
 
 from tasuki.diagnostics import Diagnostic, SourceError, Span, TasukiError
 from tasuki.language.declare import Declaration, Module, RecordType
+from tasuki.language.source import Source
 from tasuki.language.tables import Table
 
 Declared = Declaration | RecordType | Table
@@ -73,6 +74,10 @@ def load_file(path: str | Path) -> ModuleType:
     try:
         with _importable(Path(file).parent):
             exec(compile(text, file, "exec", dont_inherit=True), vars(namespace))
+        source = Source(file, text)  # what was run, whatever becomes of the file
+        for thing in declared(namespace):
+            if isinstance(thing, Declaration):
+                thing.source = source
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, TasukiError | KeyboardInterrupt):
@@ -90,7 +95,7 @@ def _is_declared_in(thing: Any, namespace: ModuleType) -> bool:
 def _read(path: str | Path, file: str) -> str:
     try:
         with tokenize.open(file) as stream:
-            return stream.read()
+            text = stream.read()
     except FileNotFoundError:
         raise _error(f"there is no file `{path}`") from None
     except IsADirectoryError:
@@ -99,14 +104,19 @@ def _read(path: str | Path, file: str) -> str:
         raise _error(f"`{path}` is not text", expected="Python source in UTF-8") from None
     except OSError as error:
         raise _error(f"`{path}` cannot be read: {error.strerror}") from None
+    if "\0" in text:
+        raise _error(f"`{path}` is not text", expected="Python source in UTF-8")
+    return text
 
 
 def _import(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
-    except ModuleNotFoundError:
-        hint = "a file is named with its ending: FILE.py:NAME"
-        raise _error(f"there is no Python module `{name}`", hint=hint) from None
+    except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and error.name and f"{name}.".startswith(f"{error.name}."):
+            hint = "a file is named with its ending: FILE.py:NAME"
+            raise _error(f"there is no Python module `{name}`", hint=hint) from None
+        raise _error(f"`{name}` cannot be imported: {type(error).__name__}: {error}") from error
 
 
 @contextmanager

@@ -91,7 +91,7 @@ def _annotation_span(declaration: Declaration, name: str) -> Span:
 def read_record(cls: RecordType) -> ir.Record:
     """The type that the annotated fields of a record class give."""
     defined_in = sys.modules.get(cls.__module__)
-    names = vars(defined_in) if defined_in else {}
+    names = (vars(defined_in) if defined_in else {}) | cls._mentioned
     fields, problems = [], []
     for name, annotation in inspect.get_annotations(cls).items():
         try:

@@ -68,10 +68,13 @@ def _source(file: str, text: str) -> Source:
     return Source(file, text)
 
 
-def parse_function(code: CodeType, what: str) -> tuple[Source, ast.FunctionDef]:
-    """Source and definition of a function. `SourceError` where they cannot be had; `what` names the function."""
+def parse_function(code: CodeType, what: str, source: Source | None = None) -> tuple[Source, ast.FunctionDef]:
+    """Source and definition of a function, which `what` names. `SourceError` where they cannot be had.
+
+    `source` is given where the text that was run is known; else it is looked for under the name of the file.
+    """
     place = Span(code.co_filename, code.co_firstlineno)
-    source = read_source(code.co_filename)
+    source = source or read_source(code.co_filename)
     if source is None:
         raise SourceError([Diagnostic(f"the source of {what} cannot be read", place)])
     try:
