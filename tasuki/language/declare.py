@@ -290,4 +290,3 @@ def socket(function: Any = None, /, *, dispatch: bool = False) -> Any:
     if function is None:
         return lambda function: Socket(function, dispatch)
     return Socket(function, dispatch)
-
