@@ -1,9 +1,10 @@
-"""A scene in NFF as a scene for POV-Ray 3.7 that shows the same picture: `python -m bench.nff_to_pov SCENE.nff OUT.pov`.
+"""A scene in NFF as one for POV-Ray 3.7 that shows the same picture: `python -m bench.nff_to_pov SCENE.nff OUT.pov`.
 
 It reads NFF by itself, not through `tasuki.scene`, so that a mistake of our importer shows as a difference between the
 two pictures. Files are taken to be right: these are the Standard Procedural Databases, not a user's.
 
-What POV-Ray cannot be told: NFF's surfaces are one-sided, POV-Ray's are seen from both sides. Closed objects look the same.
+What POV-Ray cannot be told: NFF's surfaces are one-sided, POV-Ray's show, and cast shadows, from both sides. Closed
+objects look the same; the open height field of `mount` shadows its own border in POV-Ray alone.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Entity:
 
 @dataclass
 class Objects:
-    """POV-Ray's text of the objects that share one material. Triangles go into one mesh: what POV-Ray is fastest with."""
+    """POV-Ray's text of the objects of one material. Triangles go into one mesh: with that POV-Ray is fastest."""
 
     single: list[str] = field(default_factory=list)
     mesh: list[str] = field(default_factory=list)
