@@ -67,7 +67,7 @@ def pack(scene: Scene) -> Packed:
     primitives = tuple(lower(scene))
     builder = MemoryBuilder()
     for one in primitives:
-        _verify(one, scene)
+        verify(one, scene)
         builder.add(one.kind.table_name, one.records)
     builder.add("attributes", _verified("material", _attributes(scene)))
     builder.add("lights", _verified("light", _lights(scene)))
@@ -95,7 +95,8 @@ def _attributes(scene: Scene) -> np.ndarray:
     intensity = default_intensity(len(scene.lights))
     with np.errstate(over="ignore"):
         for name in set(records.dtype.names or ()) - {"flags", "ambient"}:
-            records[name] = [getattr(material, name) for material in materials]
+            values = np.array([getattr(material, name) for material in materials], np.float64)
+            records[name] = values.reshape(records[name].shape)
         records["ambient"] = [
             material.diffuse * intensity if material.ambient is None else material.ambient for material in materials
         ]
@@ -113,7 +114,7 @@ def _lights(scene: Scene) -> np.ndarray:
     return records
 
 
-def _verify(primitives: Primitives, scene: Scene) -> None:
+def verify(primitives: Primitives, scene: Scene) -> None:
     """SceneError that names the shape of a primitive which float32 cannot hold, or which has no attribute."""
     records = primitives.records
     if len(records) > MOST_PRIMITIVES:

@@ -90,11 +90,14 @@ class SourceText:
 
 
 def scene_error(diagnostics: Iterable[Diagnostic]) -> SceneError:
-    """One error that shows the first `MOST_ERRORS` diagnostics in source order, and counts the others."""
+    """One error that shows the first `MOST_ERRORS` diagnostics in source order, and says how many there are.
+
+    Who collects diagnostics may stop at one more than that, so beyond it there is no count.
+    """
     found = sorted(diagnostics, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0))
     parts = [str(diagnostic) for diagnostic in found[:MOST_ERRORS]]
     if len(found) > MOST_ERRORS:
-        parts.append(f"{len(found)} errors; the first {MOST_ERRORS} are shown")
+        parts.append(f"more than {MOST_ERRORS} errors; the first {MOST_ERRORS} are shown")
     elif len(found) > 1:
         parts.append(f"{len(found)} errors")
     return SceneError("\n\n".join(parts))

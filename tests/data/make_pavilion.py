@@ -1,6 +1,6 @@
 """Writes pavilion.yaml: a round temple on a mirror, its dome of patches with normals.
 
-    python tests/data/make_pavilion.py > tests/data/pavilion.yaml
+python tests/data/make_pavilion.py > tests/data/pavilion.yaml
 """
 
 import math

@@ -1,0 +1,74 @@
+"""What users are told about wrong scene files, held by golden texts: errors/FILE, and FILE.txt beside it."""
+
+from pathlib import Path
+
+import pytest
+
+from tasuki.diagnostics import SceneError
+from tasuki.scene import load_scene
+from tasuki.scene.importers.nff import read as read_nff
+from tasuki.scene.source import SourceText
+from tasuki.scene.yaml_format import read as read_yaml
+
+FILES = sorted(path for path in (Path(__file__).parent / "errors").iterdir() if path.suffix in (".nff", ".yaml"))
+READERS = {".nff": read_nff, ".yaml": read_yaml}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_error_text(path, golden):
+    with pytest.raises(SceneError) as caught:
+        READERS[path.suffix](SourceText.from_bytes(path.name, path.read_bytes()))
+    golden(path.with_name(path.name + ".txt"), f"{caught.value}\n")
+
+
+def message(path) -> str:
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    return str(caught.value)
+
+
+def test_a_missing_file_names_one_like_it(tmp_path):
+    (tmp_path / "still_life.nff").write_text("")
+    text = message(tmp_path / "still_live.nff")
+    assert "there is no file" in text
+    assert "did you mean 'still_life.nff'?" in text
+
+
+def test_a_directory_is_no_scene(tmp_path):
+    (tmp_path / "scene.nff").mkdir()
+    assert "is a directory" in message(tmp_path / "scene.nff")
+    assert "is a directory" in message(tmp_path)
+
+
+def test_an_unknown_suffix_lists_the_known_ones(tmp_path):
+    text = message(tmp_path / "scene.nf")
+    assert "expected: a file ending in .nff, .yaml, .yml" in text
+    assert "found: '.nf'" in text
+    assert "no suffix" in message(tmp_path / "scene")
+
+
+@pytest.mark.parametrize("suffix", ["nff", "yaml"])
+def test_binary_and_foreign_encodings_are_refused(tmp_path, suffix):
+    path = tmp_path / f"scene.{suffix}"
+    path.write_bytes(b"\x7fELF\0\0\1")
+    assert "not a text file" in message(path)
+    path.write_bytes("# 正\nb 0 0 0\n".encode() + "# é".encode("latin-1"))
+    text = message(path)
+    assert f"{path}:3:3: error: this is not UTF-8" in text
+    assert "found: byte 0xe9" in text
+
+
+def test_an_unreadable_path_is_an_error_not_a_crash():
+    assert "cannot read" in message("bad\0name.nff")
+
+
+def test_deep_nesting_is_refused_quickly(tmp_path):
+    path = tmp_path / "deep.yaml"
+    path.write_text("[" * 100_000)
+    assert "nested too deeply" in message(path)
+
+
+def test_errors_quote_the_text_that_was_read_without_control_characters(tmp_path):
+    path = tmp_path / "scene.nff"
+    path.write_text("s 0 0 \x1b[31mred 1\n")
+    assert "\x1b" not in message(path)

@@ -1,0 +1,327 @@
+"""Packing: the layout that the paper gives, the rules about sides and lights, triangles, bounds, and the limits."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tasuki.diagnostics import SceneError
+from tasuki.modules import records
+from tasuki.scene import Camera, Cone, Material, PointLight, Polygon, Scene, Sphere, load_scene
+from tasuki.scene import lower as lowering
+from tasuki.scene.bounds import quadric_bounds
+from tasuki.scene.info import info
+from tasuki.scene.kinds import lookup
+from tasuki.scene.memory import MOST_ROWS, MemoryBuilder
+from tasuki.scene.pack import bounds, pack, verify
+from tests.scene.strategies import cones, coordinates, nff_scenes, polygons
+
+CAMERA = Camera((0.0, -5.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 45.0)
+DATA = Path(__file__).parents[1] / "data"
+
+
+def packed(*shapes, lights=()):
+    return pack(Scene(CAMERA, shapes, lights))
+
+
+def row(memory, table, row_in_table, kind=float):
+    """One row of a table as the four banks hold it."""
+    rows = memory.rows if kind is float else memory.words
+    return rows[memory.tables[table].base + row_in_table].tolist()
+
+
+# The records of READING.md, sections 4 and 6: which word stands in which row and bank
+
+
+def test_a_quadric_in_memory():
+    memory = packed(Sphere((1.0, 2.0, 3.0), 4.0)).build()
+    kind = lookup("quadric").number
+    assert row(memory, "quadrics", 0, int) == [kind, 0, -1, records.SPHERE]
+    assert row(memory, "quadrics", 1) == [1.0, 2.0, 3.0, 16.0]
+    assert [row(memory, "quadrics", n) for n in (2, 3, 4)] == [
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+    ]
+
+
+def test_a_cone_in_memory():
+    memory = packed(Cone((1.0, 2.0, 3.0), 2.0, (1.0, 2.0, 7.0), 1.0)).build()
+    assert row(memory, "cones", 0, int) == [lookup("cone").number, 0, -1, 0]
+    assert row(memory, "cones", 1) == [1.0, 2.0, 3.0, 2.0]
+    assert row(memory, "cones", 2) == [0.0, 0.0, 1.0, 4.0]
+    assert row(memory, "cones", 3)[0] == -0.25
+
+
+def test_a_triangle_in_memory():
+    corners = ((1.0, 0.0, 0.0), (3.0, 0.0, 0.0), (1.0, 2.0, 0.0))
+    memory = packed(Polygon(corners)).build()
+    assert row(memory, "triangles", 0, int) == [lookup("triangle").number, 0, -1, 0]
+    assert [tuple(row(memory, "triangles", n)[:3]) for n in (1, 2, 3)] == list(corners)
+    assert [row(memory, "triangles", n)[:3] for n in (4, 5, 6)] == [[0.0, 0.0, 1.0]] * 3
+
+
+def test_an_attribute_in_memory():
+    material = Material("all", (1.0, 2.0, 3.0), 0.5, 0.25, 0.125, 7.0, 0.75, 0.0625, 1.5, (4.0, 5.0, 6.0))
+    memory = packed(Sphere((0.0, 0.0, 0.0), 1.0, material)).build()
+    assert row(memory, "attributes", 0)[:3] == [1.0, 2.0, 3.0]
+    assert row(memory, "attributes", 0, int)[3] == records.TWO_SIDED
+    assert row(memory, "attributes", 1) == [0.5, 0.25, 0.125, 7.0]
+    assert row(memory, "attributes", 2)[:3] == [0.75, 0.0625, 1.5]
+    assert row(memory, "attributes", 3)[:3] == [4.0, 5.0, 6.0]
+
+
+def test_lights_in_memory():
+    lights = [PointLight((1.0, 2.0, 3.0)), PointLight((4.0, 5.0, 6.0), (0.5, 0.25, 0.125))]
+    memory = packed(lights=lights).build()
+    table = memory.table("lights")
+    assert table["position"].tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    assert table["colour"][0] == pytest.approx([math.sqrt(2) / 4] * 3)
+    assert table["colour"][1].tolist() == [0.5, 0.25, 0.125]
+
+
+def test_ambient_follows_the_lights_unless_given():
+    shapes = [Sphere((0.0, 0.0, 0.0), 1.0, Material(diffuse=0.8)), Sphere((0.0, 0.0, 0.0), 1.0, Material(ambient=0.1))]
+    memory = packed(*shapes, lights=[PointLight((0.0, 0.0, 9.0))] * 4).build()
+    assert memory.table("attributes")["ambient"].tolist() == pytest.approx([0.8 * 0.25, 0.1])
+
+
+# Sides
+
+
+def test_the_flags_are_those_of_the_records():
+    flags = (lowering.TWO_SIDED, lowering.INSIDE_ONLY, lowering.UNIT_MATRIX)
+    assert flags == (records.TWO_SIDED, records.INSIDE_ONLY, records.SPHERE)
+
+
+def test_which_sides_show():
+    glass, sheet = Material("glass", transmission=0.9), Material("sheet", two_sided=True)
+    corners, up = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ((0.0, 0.0, 1.0),) * 3
+    memory = packed(
+        Sphere((0.0, 0.0, 0.0), 1.0),
+        Sphere((0.0, 0.0, 0.0), -1.0),
+        Sphere((0.0, 0.0, 0.0), 1.0, glass),
+        Sphere((0.0, 0.0, 0.0), -1.0, glass),
+        Cone((0.0, 0.0, 0.0), -1.0, (0.0, 0.0, 1.0), 0.0),
+        Cone((0.0, 0.0, 0.0), 1.0, (0.0, 0.0, 1.0), 0.0, sheet),
+        Polygon(corners),
+        Polygon(corners, up),
+    ).build()
+    two_sided, inside_only = records.TWO_SIDED, records.INSIDE_ONLY
+    assert (memory.table("quadrics")["flags"] & ~records.SPHERE).tolist() == [0, inside_only, two_sided, inside_only]
+    assert memory.table("cones")["flags"].tolist() == [inside_only, two_sided]
+    assert memory.table("cones")["radius"].tolist() == [1.0, 1.0]
+    assert memory.table("triangles")["flags"].tolist() == [0, two_sided]
+
+
+# Triangles
+
+
+def triangles_of(*shapes):
+    memory = packed(*shapes).build()
+    table = memory.table("triangles")
+    return np.stack([table[name] for name in "abc"], axis=1).astype(np.float64)
+
+
+def areas(triangles):
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2.0
+
+
+def test_a_convex_polygon_is_a_fan_from_its_first_corner():
+    square = Polygon(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)))
+    found = triangles_of(square)
+    assert found[:, 0].tolist() == [[0.0, 0.0, 0.0]] * 2
+    assert areas(found)[:, 2].tolist() == [0.5, 0.5]
+
+
+@pytest.mark.parametrize("first", range(4))
+def test_a_concave_quadrilateral_is_cut_where_it_is_hollow(first):
+    points = ((0.0, 0.0, 0.0), (1.0, -1.0, 0.0), (0.25, 0.0, 0.0), (1.0, 1.0, 0.0))
+    found = areas(triangles_of(Polygon(points[first:] + points[:first])))
+    assert (found[:, 2] > 0.0).all()
+    assert found[:, 2].sum() == pytest.approx(0.25)
+
+
+def test_a_comb_is_clipped_ear_by_ear():
+    teeth = 12
+    points = [(0.0, 0.0, -1.0), (2.0 * teeth, 0.0, -1.0)]
+    for tooth in reversed(range(teeth)):
+        points += [(2.0 * tooth + 2.0, 0.0, 0.0), (2.0 * tooth + 1.0, 0.0, 5.0), (2.0 * tooth + 0.5, 0.0, 0.0)]
+    found = areas(triangles_of(Polygon(tuple(points))))
+    # Seen from the front, -y, the comb turns counterclockwise.
+    assert (found[:, 1] < 0.0).all()
+    expected = Scene(CAMERA, [Polygon(tuple(points))]).shapes.polygons.area_vectors[0, 1] / 2.0
+    assert found[:, 1].sum() == pytest.approx(expected)
+
+
+@given(st.lists(polygons(Material()), min_size=1, max_size=5))
+def test_triangles_cover_their_polygon_and_face_its_way(shapes):
+    scene = Scene(CAMERA, shapes)
+    corners, owner = lowering.triangulate(scene.shapes.polygons)
+    points = scene.shapes.polygons.points[corners]
+    for number in range(len(shapes)):
+        whole = scene.shapes.polygons.area_vectors[number] / 2.0
+        parts = areas(points[owner == number])
+        assert parts.sum(axis=0) == pytest.approx(whole, rel=1e-9, abs=1e-9)
+        assert (parts @ whole > 0.0).all()
+    assert (np.diff(owner) >= 0).all()
+
+
+def test_corners_in_a_straight_line_leave_no_triangle_of_no_area():
+    points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 2.0, 0.0))
+    assert len(triangles_of(Polygon(points))) == 1
+
+
+def test_a_zero_normal_is_replaced_by_that_of_the_face():
+    normals = ((0.0, 0.0, 0.0), (0.0, 0.0, 5.0), (1.0, 0.0, 0.0))
+    memory = packed(Polygon(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), normals)).build()
+    (triangle,) = memory.table("triangles")
+    assert triangle["normal_a"].tolist() == [0.0, 0.0, 1.0]
+    assert triangle["normal_b"].tolist() == [0.0, 0.0, 5.0]
+
+
+# Which primitive came from which shape, and what is refused
+
+
+def test_primitives_know_their_shapes_and_kinds():
+    square = Polygon(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)))
+    found = packed(square, Sphere((0.0, 0.0, 0.0), 1.0), square, Sphere((1.0, 0.0, 0.0), 1.0))
+    assert [kind.name for kind in found.kinds] == ["quadric", "triangle"]
+    assert found.counts == {"quadric": 2, "triangle": 4}
+    assert [one.shapes.tolist() for one in found.primitives] == [[1, 3], [0, 0, 2, 2]]
+
+
+def test_a_scene_of_nothing_packs():
+    found = packed()
+    assert found.kinds == ()
+    boxes, codes = bounds(found)
+    assert boxes.shape == (0, 2, 3)
+    assert len(codes) == 0
+    assert found.build().tables["lights"].count == 0
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        (Sphere((0.0, 0.0, 0.0), 1e30), "shape 0 cannot be packed as a quadric"),
+        (Cone((0.0, 0.0, 1e39), 1.0, (0.0, 0.0, 0.0), 1.0), "shape 0 cannot be packed as a cone"),
+        (Sphere((math.nan, 0.0, 0.0), 1.0), r"shapes\[0\]: not all of its numbers are finite"),
+        (Sphere((0.0, 0.0, 0.0), 0.0), r"shapes\[0\].radius: this sphere has no size"),
+        (Sphere((0.0, 0.0, 0.0), 1.0, Material(index=0.0)), r"materials\[0\].index: no such refractive index"),
+        (Sphere((0.0, 0.0, 0.0), 1.0, Material(exponent=1e300)), "material 0 cannot be packed"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(shape, message):
+    with pytest.raises(SceneError, match=message):
+        packed(shape)
+
+
+def test_an_attribute_that_does_not_exist_is_found():
+    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 0.0), 1.0)])
+    found = pack(scene).primitives[0]
+    found.records["attribute"] = 1
+    with pytest.raises(SceneError, match="a material, 0 to 0"):
+        verify(found, scene)
+
+
+# Bounds
+
+
+def inside(box, points):
+    return ((box[0] <= points) & (points <= box[1])).all()
+
+
+@given(st.tuples(coordinates, coordinates, coordinates), st.floats(1e-3, 1e4))
+def test_the_box_of_a_sphere_holds_it(centre, radius):
+    boxes, codes = bounds(packed(Sphere(centre, radius)))
+    assert codes.tolist() == [lookup("quadric").number]
+    record = packed(Sphere(centre, radius)).primitives[0].records[0]
+    reach = math.sqrt(record["constant"])
+    for axis in np.eye(3):
+        assert inside(boxes[0], record["centre"] + reach * axis)
+        assert inside(boxes[0], record["centre"] - reach * axis)
+    assert (boxes[0, 1] - boxes[0, 0] <= 2.0 * reach + 1e-5 * (reach + np.abs(centre).max())).all()
+
+
+@given(cones(Material()))
+def test_the_box_of_a_cone_holds_points_on_it(cone):
+    (box,), _ = bounds(packed(cone))
+    base, apex = np.array(cone.base), np.array(cone.apex)
+    axis = (apex - base) / np.linalg.norm(apex - base)
+    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    across /= np.linalg.norm(across)
+    third = np.cross(axis, across)
+    angles = np.linspace(0.0, math.tau, 33)
+    circle = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * third
+    # Records are float32: their surface is off the cone by so much.
+    slack = 4e-7 * (np.abs([base, apex]).max() + abs(cone.base_radius) + abs(cone.apex_radius))
+    grown = np.array([box[0] - slack, box[1] + slack])
+    for share in (0.0, 0.3, 1.0):
+        radius = abs(cone.base_radius) * (1.0 - share) + abs(cone.apex_radius) * share
+        assert inside(grown, base + share * (apex - base) + radius * circle)
+
+
+@given(nff_scenes())
+def test_every_primitive_has_a_box_and_a_code(scene):
+    found = pack(scene)
+    boxes, codes = bounds(found)
+    assert len(boxes) == len(codes) == sum(found.counts.values())
+    assert (boxes[:, 0] <= boxes[:, 1]).all()
+    assert len(set(codes.tolist())) == len(codes)
+    assert {code & 31 for code in codes.tolist()} == {kind.number for kind in found.kinds}
+
+
+def test_an_ellipsoid_with_a_linear_term():
+    # x^2 + (y/2)^2 - 2 x = 3 about (10, 0, 0), z free of it: (x - 1)^2 + (y/2)^2 + z^2 = 4.
+    quadric = np.zeros(2, records.Quadric.numpy_dtype())
+    quadric["centre"] = (10.0, 0.0, 0.0)
+    quadric["constant"] = 3.0
+    quadric["q1"], quadric["q2"], quadric["q3"] = (1.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, 0.0, 1.0)
+    quadric["l1"] = -2.0
+    quadric["q3"][1] = 0.0
+    low, high = quadric_bounds(quadric)
+    assert low[0] == pytest.approx([9.0, -4.0, -2.0], abs=1e-5)
+    assert high[0] == pytest.approx([13.0, 4.0, 2.0], abs=1e-5)
+    assert np.isinf(low[1]).all()
+    assert np.isinf(high[1]).all()
+
+
+# Memory
+
+
+def test_tables_are_aligned_and_views_write_through():
+    builder = MemoryBuilder()
+    builder.add("lights", np.ones(3, records.Light.numpy_dtype()))
+    builder.add("picture", (records.Pixel, 5))
+    memory = builder.build()
+    assert memory.rows.ctypes.data % 64 == 0
+    assert [place.base % 4 for place in memory.tables.values()] == [0, 0]
+    assert memory.tables["picture"].base == 8
+    memory.table("picture")["coverage"][4] = 0.5
+    assert memory.rows[memory.tables["picture"].base + 4].tolist() == [0.0, 0.0, 0.0, 0.5]
+    assert np.shares_memory(memory.words, memory.rows)
+
+
+def test_a_picture_beyond_the_addresses_is_refused_before_it_is_allocated():
+    builder = MemoryBuilder()
+    builder.add("views", (records.View, 1))
+    with pytest.raises(SceneError, match="table 'picture' needs 16 GiB of memory"):
+        builder.add("picture", (records.Pixel, 2 * MOST_ROWS))
+    with pytest.raises(ValueError, match="already"):
+        builder.add("views", (records.View, 1))
+
+
+# What `tasuki info` says
+
+
+def test_info_counts_shapes_primitives_and_materials():
+    found = info(load_scene(DATA / "still_life.nff"))
+    assert found["shapes"] == {"total": 32, "sphere": 14, "cylinder": 1, "cone": 9, "polygon": 8}
+    assert found["primitives"] == {"quadric": 14, "cone": 9 + 1, "triangle": 2 * 7 + 8}
+    assert sum(material["shapes"] for material in found["materials"]) == 32
+    assert found["bounds"]["low"][2] == -3.0
+    assert len(found["lights"]) == 3
+    assert found["warnings"] == []
