@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -110,6 +109,8 @@ def quote(text: str) -> str:
 
 def suggestion(word: str, known: Sequence[str]) -> str | None:
     """A hint that names the known word most like `word`, where one is."""
+    import difflib  # needed only to say what is wrong
+
     close = difflib.get_close_matches(word, known, n=1)
     return f"did you mean {close[0]!r}?" if close else None
 

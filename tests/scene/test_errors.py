@@ -1,16 +1,22 @@
 """What users are told about wrong scene files, held by golden texts: errors/FILE, and FILE.txt beside it."""
 
+import contextlib
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tasuki.diagnostics import SceneError
 from tasuki.scene import load_scene
 from tasuki.scene.importers.nff import read as read_nff
+from tasuki.scene.pack import pack
 from tasuki.scene.source import SourceText
 from tasuki.scene.yaml_format import read as read_yaml
 
 FILES = sorted(path for path in (Path(__file__).parent / "errors").iterdir() if path.suffix in (".nff", ".yaml"))
+DATA = Path(__file__).parents[1] / "data"
+EXAMPLE = Path(__file__).parent / "errors" / "wrong_numbers.yaml"
 READERS = {".nff": read_nff, ".yaml": read_yaml}
 
 
@@ -19,6 +25,54 @@ def test_error_text(path, golden):
     with pytest.raises(SceneError) as caught:
         READERS[path.suffix](SourceText.from_bytes(path.name, path.read_bytes()))
     golden(path.with_name(path.name + ".txt"), f"{caught.value}\n")
+
+
+PIECES = [
+    "v",
+    "from",
+    "at",
+    "up",
+    "angle",
+    "hither",
+    "resolution",
+    "b",
+    "l",
+    "f",
+    "c",
+    "s",
+    "p",
+    "pp",
+    "ppp",
+    "x",
+    "円",
+]
+PIECES += ["0", "1", "-1", "3", "4", "0.5", "1e999", "nan", "-inf", "1.2.3", "--", "#", "\n", "\r\n", "\x01", "9" * 400]
+VIEW = "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 45\nhither 0\nresolution 64 64\n"
+
+
+@given(st.lists(st.sampled_from(PIECES), max_size=40), st.booleans())
+def test_no_nff_raises_anything_else(pieces, with_view):
+    text = (VIEW if with_view else "") + " ".join(pieces)
+    with contextlib.suppress(SceneError):
+        pack(read_nff(SourceText.from_bytes("random.nff", text.encode())))
+
+
+MARKS = [*"[]{}:,-&*!|>'\"%@`?\n ", "  - ", ": ", "camera", "shapes", "sphere", "1", ".nan", "~", "&a", "*a", "円"]
+
+
+@given(st.lists(st.sampled_from(MARKS), max_size=40))
+def test_no_yaml_raises_anything_else(pieces):
+    with contextlib.suppress(SceneError):
+        read_yaml(SourceText.from_bytes("random.yaml", "".join(pieces).encode()))
+
+
+def test_every_cut_and_every_lost_character_of_a_scene_is_survived():
+    for path, read in ((DATA / "still_life.nff", read_nff), (EXAMPLE, read_yaml)):
+        data = path.read_bytes()
+        for place in range(0, len(data), 7):
+            for text in (data[:place], data[:place] + data[place + 1 :]):
+                with contextlib.suppress(SceneError):
+                    pack(read(SourceText.from_bytes(path.name, text)))
 
 
 def message(path) -> str:
