@@ -22,12 +22,8 @@ class TableType:
 
     record: Any
 
-    @property
-    def type(self) -> Table:
-        return Table(self.record.ir)
-
     def __repr__(self) -> str:
-        return f"Table[{self.record.__name__}]"
+        return f"Table[{getattr(self.record, '__name__', self.record)}]"
 
 
 class AnnotationError(Exception):
@@ -76,15 +72,21 @@ def type_of(annotation: Any, names: Mapping[str, Any]) -> Type:
         return VOID
     if annotation is bool:
         return BOOL
-    if isinstance(annotation, TypeName | TableType):
+    if isinstance(annotation, TypeName):
         return annotation.type
+    if isinstance(annotation, TableType) and is_record_class(annotation.record):
+        return Table(annotation.record.ir)
     if isinstance(annotation, GenericAlias) and annotation.__origin__ is tuple:
         return Tuple(tuple(type_of(item, names) for item in annotation.__args__))
-    record = getattr(annotation, "ir", None)
-    if isinstance(record, Record):
-        return record
+    if is_record_class(annotation):
+        return annotation.ir
     hint = PYTHON_HINTS.get(annotation) if isinstance(annotation, type) else None
     raise AnnotationError(_describe(annotation), f"write {hint}" if hint else None)
+
+
+def is_record_class(thing: Any) -> bool:
+    """Whether `thing` is a class made by `@record` (whose fields may still be wrong)."""
+    return isinstance(thing, type) and hasattr(type(thing), "ir")
 
 
 def is_value(type: Type) -> bool:

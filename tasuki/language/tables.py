@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from tasuki.diagnostics import Diagnostic, SourceError, Span
 from tasuki.ir import types as ir
-from tasuki.language.annotations import TableType
+from tasuki.language.annotations import TableType, is_record_class
 
 WORD = 4
 """Bytes of one word of the data memory."""
@@ -23,14 +24,18 @@ class Table:
     """`quadrics = Table(Quadric)`: a table that every program finds in memory under the name of the variable.
 
     `Table[Quadric]` is the type of a table, for parameters. As plain Python, a table is read and written where
-    `tasuki.language.plain.tables` has bound it to memory.
+    `tasuki.language.plain.tables` has bound it to memory. `SourceError` for a table of anything but records.
     """
 
     def __init__(self, record: Any, *, name: str | None = None) -> None:
+        caller = sys._getframe(1)
+        if not is_record_class(record):
+            place = Span(caller.f_code.co_filename, caller.f_lineno)
+            raise SourceError([Diagnostic("a table is a table of records", place, "Table(Record)", repr(record))])
         self.record = record
         self._name = name
         # Where the table was made: its name is the variable there, even if another module imports it under an alias.
-        self._globals = sys._getframe(1).f_globals
+        self._globals = caller.f_globals
 
     def __class_getitem__(cls, record: Any) -> TableType:
         return TableType(record)
