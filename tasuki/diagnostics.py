@@ -88,6 +88,10 @@ class SceneError(TasukiError):
     """A scene is missing, malformed, or asks for something that cannot be drawn."""
 
 
+class OutputError(TasukiError):
+    """A picture or a report cannot be written where it was asked for."""
+
+
 class MachineError(TasukiError):
     """A program stopped on a machine: an access outside a table, lanes that disagree, a broken promise."""
 

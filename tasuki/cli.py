@@ -1,0 +1,246 @@
+"""The command line: thin, it calls the public interface.
+
+Messages go to standard error. Exit codes: 0, 2 for anything wrong, 130 after Ctrl-C. Start-up matters: everything that
+costs is imported inside the command that needs it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tasuki.diagnostics import TasukiError
+from tasuki.version import __version__
+
+WRONG = 2
+INTERRUPTED = 130
+BROKEN_PIPE = 141
+
+app = typer.Typer(
+    name="tasuki",
+    help="A laboratory for image generation.",
+    add_completion=False,
+    no_args_is_help=True,
+    # Plain help and errors: Rich's take twice as long to import as all of this.
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene: .yaml or .nff.", show_default=False)]
+WithFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--with", metavar="FILE.py", help="Run this file first: what it registers is known. Repeatable."),
+]
+
+
+def main() -> None:
+    """What `tasuki` runs."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        # Outside the commands, which handle it themselves.
+        sys.exit(INTERRUPTED)
+
+
+@contextmanager
+def reported(debug: bool = False) -> Iterator[None]:
+    """Whatever goes wrong inside becomes a message on standard error and an exit code; with `debug` a traceback."""
+    try:
+        yield
+        sys.stdout.flush()
+    except typer.Exit:
+        raise
+    except BrokenPipeError:
+        # Whoever read our output has gone. Python would complain once more when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(BROKEN_PIPE) from None
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        elif isinstance(error, TasukiError):
+            print(error, file=sys.stderr)
+        else:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            print(f"internal error: {reason}; run with --debug to see where", file=sys.stderr)
+        raise typer.Exit(WRONG) from None
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"tasuki {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def render(
+    scene: SceneFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="OUT", help="A .png or .exr; by default SCENE.png in this folder."),
+    ] = None,
+    method: Annotated[str, typer.Option(metavar="raytrace|scanline")] = "raytrace",
+    machine: Annotated[str, typer.Option(metavar="cpu|pu|python|gpu")] = "cpu",
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="Pixels; by default what the scene says.")] = None,
+    samples: Annotated[int, typer.Option(metavar="N", help="Rays through each pixel.")] = 1,
+    depth: Annotated[int, typer.Option(metavar="N", help="Generations of rays, the eye ray counted.")] = 5,
+    threads: Annotated[int | None, typer.Option(metavar="N", help="By default one for each processor.")] = None,
+    accelerator: Annotated[str, typer.Option(metavar="NAME", help="How rays find primitives: bvh.")] = "bvh",
+    region: Annotated[
+        str | None, typer.Option(metavar="X,Y,W,H", help="Render this part only; in pixels, from the upper left.")
+    ] = None,
+    modules: Annotated[
+        list[str] | None,
+        typer.Option("--module", metavar="SOCKET=FILE.py:NAME", help="Fill a socket with your module. Repeatable."),
+    ] = None,
+    with_files: WithFiles = None,
+    unchecked: Annotated[bool, typer.Option(help="Do not check your modules' accesses to tables.")] = False,
+    stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write counts and timings.")] = None,
+    profile: Annotated[bool, typer.Option("--profile", help="Show the cycles of each module. One thread.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Render a scene into a picture."""
+    arguments: dict[str, Any] = {
+        "method": method,
+        "machine": machine,
+        "size": _numbers(size, r"(\d+)x(\d+)", "--size", "WxH, such as 512x512"),
+        "region": _numbers(region, r"(\d+),(\d+),(\d+),(\d+)", "--region", "X,Y,W,H, such as 0,0,64,64"),
+        "modules": _socket_fillers(modules or []),
+        "samples": samples,
+        "depth": depth,
+        "threads": threads,
+        "unchecked": unchecked,
+        "profile": profile,
+    }
+    if accelerator != "bvh":
+        raise typer.BadParameter(f"there is no accelerator {accelerator!r}; expected bvh", param_hint="--accelerator")
+    with reported(debug):
+        from tasuki.renderers.files import check_writable
+
+        out = check_writable(output or Path(f"{scene.stem}.png"))
+        if stats:
+            check_writable(stats, suffixes=())
+        _load_files(with_files)
+        _render(scene, out, stats, arguments, quiet)
+
+
+def _render(scene: Path, out: Path, stats: Path | None, arguments: dict[str, Any], quiet: bool) -> None:
+    from tasuki.renderers.files import write_file
+    from tasuki.renderers.render import Interrupted
+    from tasuki.renderers.render import render as render_scene
+    from tasuki.terminal import ProgressDisplay, print_profile, summary
+
+    try:
+        with ProgressDisplay(shown=not quiet) as progress:
+            picture = render_scene(scene, progress=progress.tell, **arguments)
+    except Interrupted as interrupted:
+        partial = out.with_suffix(f".partial{out.suffix}")
+        interrupted.picture.save(partial)
+        print(f"stopped; what was done is in {partial}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    if not quiet:
+        print(*picture.stats["scene"]["warnings"], sep="\n", end="", file=sys.stderr)
+    picture.save(out)
+    picture.stats["seconds"]["total"] = process_seconds()
+    if stats:
+        write_file(stats, json.dumps(picture.stats, indent=2).encode() + b"\n")
+    if arguments["profile"]:
+        print_profile(picture.stats["profile"])
+    if not quiet:
+        print(summary(out, picture.width, picture.height, picture.stats))
+
+
+@app.command()
+def info(scene: SceneFile, as_json: AsJson = False, debug: Debug = False) -> None:
+    """Say what is in a scene."""
+    with reported(debug):
+        from tasuki.scene import load_scene
+        from tasuki.scene.info import info as scene_info
+
+        print(json.dumps(scene_info(load_scene(scene)), indent=2))
+
+
+@app.command()
+def schema(debug: Debug = False) -> None:
+    """Print the JSON Schema of the scene format."""
+    with reported(debug):
+        from tasuki.scene.schema import scene_schema
+
+        print(json.dumps(scene_schema(), indent=2))
+
+
+# --- reading options --------------------------------------------------------------------------------------------------
+
+
+def _numbers(text: str | None, pattern: str, option: str, expected: str) -> tuple[int, ...] | None:
+    if text is None:
+        return None
+    found = re.fullmatch(pattern, text.strip(), re.ASCII)
+    if not found:
+        raise typer.BadParameter(f"expected {expected}; found {text!r}", param_hint=option)
+    return tuple(int(number) for number in found.groups())
+
+
+def _socket_fillers(given: list[str]) -> dict[str, str]:
+    """{socket: "FILE.py:NAME"} of the options --module."""
+    fillers: dict[str, str] = {}
+    for text in given:
+        socket, equals, module = text.partition("=")
+        if not (socket and equals and module):
+            raise typer.BadParameter(f"expected SOCKET=FILE.py:NAME; found {text!r}", param_hint="--module")
+        if socket in fillers:
+            raise typer.BadParameter(f"socket {socket!r} is filled twice", param_hint="--module")
+        fillers[socket] = module
+    return fillers
+
+
+def _load_files(files: list[Path] | None) -> None:
+    if files:
+        from tasuki.language.load import load_file
+
+        for file in files:
+            load_file(file)
+
+
+def process_seconds() -> float:
+    """Seconds since this process was started."""
+    try:
+        # The 22nd field of the line, counted after the name in parentheses, which may hold anything: clock ticks from
+        # the start of the system to that of the process.
+        fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
+        began = int(fields[19]) / os.sysconf("SC_CLK_TCK")
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - began
+    except (OSError, ValueError, AttributeError):
+        # No such file: since this module was imported, some milliseconds later.
+        return time.perf_counter() - _IMPORTED
+
+
+_IMPORTED = time.perf_counter()
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,277 @@
+"""`tasuki.render`: from a scene, or the file that it stands in, to a picture and a report of how it was made.
+
+Nothing expensive is imported before the arguments have been checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from tasuki.diagnostics import Diagnostic, LinkError, SceneError
+from tasuki.renderers.options import Region, RenderOptions
+from tasuki.version import __version__
+
+if TYPE_CHECKING:
+    from tasuki.language.declare import Module, Socket
+    from tasuki.machines.cpu.machine import EdgeProfile
+    from tasuki.renderers.picture import Picture
+    from tasuki.renderers.raytrace import RayTracer
+    from tasuki.scene.model import Scene
+
+METHODS = {"raytrace": True, "scanline": False}
+"""The methods, and whether this version has them."""
+MACHINES = {"cpu": True, "python": False, "pu": False, "gpu": False}
+"""The machines, and whether this version has them."""
+
+Progress = Callable[[str, float | None], None]
+"""Called now and then with what is being done ("loading", "preparing", "rendering"), and the share of it done, 0..1."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while pixels were being rendered. `picture` has those that are done; the others are black, coverage 0."""
+
+    def __init__(self, picture: Picture) -> None:
+        super().__init__()
+        self.picture = picture
+
+
+def render(
+    scene: Scene | str | Path,
+    *,
+    method: str = "raytrace",
+    machine: str = "cpu",
+    size: tuple[int, int] | None = None,
+    samples: int = 1,
+    depth: int = 5,
+    threads: int | None = None,
+    region: Region | tuple[int, int, int, int] | None = None,
+    modules: Mapping[str, Module | str] | None = None,
+    unchecked: bool = False,
+    profile: bool = False,
+    progress: Progress | None = None,
+) -> Picture:
+    """A picture of a scene, or of the scene in a file.
+
+    `size` is (width, height) in pixels, by default the scene's resolution; `region` (x, y, width, height) is the part
+    of it that is rendered, counted from the upper left corner. `samples` rays go through each pixel, and `depth`
+    generations of rays are followed, the eye ray counted. `threads`: by default one for each processor; their number
+    does not change the picture. `modules` fills sockets, by name, with modules of yours, given as they are or as
+    "FILE.py:NAME"; their accesses to tables are checked unless `unchecked`. `profile` times modules, on one thread.
+
+    `Picture.stats` tells what was made of what, how many rays were sent, and where the time went. Raises SceneError,
+    LinkError, SourceError or MachineError, and `Interrupted` on Ctrl-C.
+    """
+    started = perf_counter()
+    _check_known("method", method, METHODS)
+    _check_known("machine", machine, MACHINES)
+    options_for = partial(
+        _options, samples=samples, depth=depth, threads=threads, region=region, unchecked=unchecked, profile=profile
+    )
+    # A size that was given is checked before anything is loaded.
+    options = options_for(size) if size else None
+    fillers = _resolve(modules or {})
+    fillers = _resolve(modules or {})
+    fillers = _resolve(modules or {})
+    fillers = _resolve(modules or {})
+    fillers = _resolve(modules or {})
+    tell = progress or (lambda doing, share: None)
+    tell("loading", None)
+    loaded, file = _load(scene)
+    loading = perf_counter() - started
+    options = options or options_for(loaded.camera.resolution)
+    tell("preparing", None)
+    try:
+        picture = _make(loaded, options, fillers, tell)
+    except MemoryError:
+        message = f"not enough memory for {options.region.width} x {options.region.height} pixels and the scene"
+        raise SceneError(str(Diagnostic(message, hint="render it in parts, with a region"))) from None
+    picture.stats["scene"]["file"] = file
+    picture.stats["seconds"] |= {"load": loading, "total": perf_counter() - started}
+    return picture
+
+
+def _options(size: tuple[int, int], *, region: Any, threads: int | None, **others: Any) -> RenderOptions:
+    width, height = size
+    if threads is not None and threads < 1:
+        raise SceneError(str(Diagnostic("threads is out of range", expected="1 or more", found=str(threads))))
+    part = region if isinstance(region, Region) or region is None else Region(*region)
+    if part is None:
+        return RenderOptions(width, height, threads=threads or 0, **others)
+    if part.width < 1 or part.height < 1:
+        expected, found = "a width and height of 1 or more", f"{part.x},{part.y},{part.width},{part.height}"
+        raise SceneError(str(Diagnostic("the region is empty", expected=expected, found=found)))
+    return RenderOptions(width, height, threads=threads or 0, region=part, **others)
+
+
+def _check_known(what: str, name: str, known: Mapping[str, bool]) -> None:
+    available = ", ".join(one for one, here in known.items() if here)
+    if name not in known:
+        raise SceneError(str(Diagnostic(f"unknown {what} {name!r}", expected=available, found=repr(name))))
+    if not known[name]:
+        message = f"this version of Tasuki has not the {what} {name!r} yet"
+        raise SceneError(str(Diagnostic(message, expected=available, found=name)))
+
+
+def _load(scene: Scene | str | Path) -> tuple[Scene, str | None]:
+    if not isinstance(scene, str | Path):
+        return scene, None
+    from tasuki.scene.importers import load_scene
+
+    return load_scene(scene), str(scene)
+
+
+# --- modules that fill sockets ----------------------------------------------------------------------------------------
+
+
+def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
+    """The modules that are to fill sockets, each held against its socket. LinkError with all that do not fit."""
+    if not given:
+        return {}
+    from tasuki.language.link import mismatch
+    from tasuki.language.load import resolve_module
+    from tasuki.modules.raytrace import trace_pixel
+
+    modules = {name: resolve_module(one) if isinstance(one, str) else one for name, one in given.items()}
+    sockets = reached_sockets(trace_pixel, modules)
+    fillable = ", ".join(sorted(name for name, socket in sockets.items() if not socket.dispatch))
+    problems: list[Diagnostic] = []
+    for name, module in modules.items():
+        socket = sockets.get(name)
+        if socket is None:
+            message = f"there is no socket `{name}` for `{module.name}` to fill"
+            problems.append(Diagnostic(message, expected=fillable, found=name))
+        elif socket.dispatch:
+            message = f"socket `{name}` takes a module for each kind of primitive, and `{module.name}` is only one"
+            problems.append(Diagnostic(message, module.place, expected=fillable, found=name))
+        elif (found := mismatch(module, socket)) is not None:
+            problems.append(found)
+    if problems:
+        raise LinkError("\n\n".join(map(str, problems)))
+    return modules
+
+
+def reached_sockets(entry: Module, fillers: Mapping[str, Module]) -> dict[str, Socket]:
+    """The sockets that `entry`, all that it calls, and what fills those sockets reach, by name.
+
+    A filler that does not fit its socket is not looked into.
+    """
+    from tasuki.language.declare import Module
+    from tasuki.language.link import compatible
+
+    sockets: dict[str, Socket] = {}
+    seen: set[Module] = set()
+    waiting = [entry]
+    while waiting:
+        module = waiting.pop()
+        if module in seen:
+            continue
+        seen.add(module)
+        for callee in module.check().calls.values():
+            if isinstance(callee, Module):
+                waiting.append(callee)
+                continue
+            sockets[callee.name] = callee
+            filler = fillers.get(callee.name)
+            if filler is not None and compatible(filler, callee):
+                waiting.append(filler)
+    return sockets
+
+
+# --- one picture ------------------------------------------------------------------------------------------------------
+
+
+def _make(scene: Scene, options: RenderOptions, fillers: Mapping[str, Module], tell: Progress) -> Picture:
+    from tasuki.programs import REPORT
+    from tasuki.renderers.picture import Picture
+    from tasuki.renderers.raytrace import RayTracer
+
+    compiled_before = REPORT.seconds
+    tracer = RayTracer(scene, options, fillers)
+    compiling = REPORT.seconds - compiled_before
+    try:
+        pixels = tracer.render(lambda share: tell("rendering", share))
+    except KeyboardInterrupt:
+        raise Interrupted(Picture(tracer.pixels())) from None
+    picture = Picture(pixels, _stats(tracer))
+    picture.stats["seconds"] = {
+        "load": None,
+        "build": tracer.seconds["build"],
+        "compile": compiling,
+        "render": tracer.seconds["render"],
+        "write": None,
+        "total": None,
+    }
+    return picture
+
+
+def _stats(tracer: RayTracer) -> dict[str, Any]:
+    """What the report says of the scene, the rays, the machine and the modules."""
+    from tasuki.native.compile import host
+
+    scene, options, region = tracer.scene, tracer.options, tracer.options.region
+    stats: dict[str, Any] = {
+        "version": __version__,
+        "method": "raytrace",
+        "scene": {
+            "file": None,
+            "size": [options.width, options.height],
+            "region": [region.x, region.y, region.width, region.height],
+            "samples": options.samples,
+            "depth": options.depth,
+            "shapes": len(scene.shapes),
+            "primitives": dict(tracer.packed.counts),
+            "lights": len(scene.lights),
+            "materials": len(scene.materials),
+            "bvh_nodes": tracer.nodes,
+            "warnings": list(scene.warnings),
+        },
+        "rays": tracer.ray_counts(),
+        "machine": {
+            "name": "cpu",
+            "processor": host().cpu,
+            "lanes": tracer.program.shape.width,
+            "threads": 1 if options.profile else options.threads,
+        },
+        "modules": _modules(tracer),
+        "pu": None,
+    }
+    if options.profile:
+        stats["profile"] = profile_rows(tracer.program.profile)
+    return stats
+
+
+def _modules(tracer: RayTracer) -> list[dict[str, Any]]:
+    """The modules that filled sockets, and the kind of primitive where there is one for each."""
+    rows = []
+    for socket, filler in sorted(tracer.fillers().items()):
+        kinds = tracer.packed.kinds if isinstance(filler, Sequence) else [None]
+        modules = [case.module for case in filler] if isinstance(filler, Sequence) else [filler]
+        for kind, module in zip(kinds, modules, strict=True):
+            row = {"socket": socket, "kind": kind.name if kind else None, "name": module.name, "file": module.file}
+            rows.append({"number": module.number, "method": module.method, **row})
+    return rows
+
+
+def profile_rows(edges: Sequence[EdgeProfile]) -> list[dict[str, Any]]:
+    """What a profiled run spent in each module, the most expensive first.
+
+    `cycles` are those of the module and all that it calls; `own` is the share of the whole that it spent itself.
+    `lanes` counts the lanes that were active in all calls together. The entry is not called by a module: left out.
+    """
+    rows: dict[str, dict[str, Any]] = {}
+    own: dict[str, int] = {}
+    for edge in edges:
+        row = rows.setdefault(edge.callee, {"module": edge.callee, "calls": 0, "lanes": 0, "cycles": 0})
+        row["calls"] += edge.calls
+        row["lanes"] += edge.lanes
+        row["cycles"] += edge.cycles
+        own[edge.callee] = own.get(edge.callee, 0) + edge.cycles
+        own[edge.caller] = own.get(edge.caller, 0) - edge.cycles
+    total = sum(own[name] for name in rows) or 1
+    for name, row in rows.items():
+        row["own"] = own[name] / total
+    return sorted((row for row in rows.values() if row["calls"]), key=lambda row: -row["own"])

@@ -1,0 +1,146 @@
+"""What the command line shows: progress, one-line summaries, tables. Rich is imported only where something is drawn."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+QUIET_SECONDS = 1.0
+"""Shorter work shows no progress."""
+REFRESH_SECONDS = 0.1
+LONGEST_SILENCE = 60.0
+"""Seconds between two lines of progress, where standard error is not a terminal; it begins with one and doubles."""
+
+
+class ProgressDisplay:
+    """Shows, on standard error, what is being done and the time left, once it has taken more than a second.
+
+    A bar on a terminal, else a plain line now and then. Used as a context; `tell` is the callback of `tasuki.render`.
+    It draws from a thread of its own, so that it lives while the main thread waits in compiled code.
+    """
+
+    def __init__(self, shown: bool = True) -> None:
+        self._doing = ""
+        self._share: float | None = None
+        self._phase_began = time.perf_counter()
+        self._finished = threading.Event()
+        self._thread = threading.Thread(target=self._show, daemon=True) if shown else None
+
+    def __enter__(self) -> ProgressDisplay:
+        if self._thread:
+            self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._finished.set()
+        if self._thread:
+            self._thread.join()
+
+    def tell(self, doing: str, share: float | None = None) -> None:
+        """What is being done, and the share of it that is done, 0..1, where that is known."""
+        if doing != self._doing:
+            self._phase_began = time.perf_counter()
+        self._doing, self._share = doing, share
+
+    def _show(self) -> None:
+        # A terminal that has gone away must not end the work.
+        with contextlib.suppress(OSError, ValueError):
+            if self._finished.wait(QUIET_SECONDS):
+                return
+            if sys.stderr.isatty():
+                self._show_bar()
+            else:
+                self._show_lines()
+
+    def _show_bar(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+        doing, left = TextColumn("{task.description}"), TextColumn("{task.fields[left]}")
+        with Progress(doing, BarColumn(), TaskProgressColumn(), left, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(self._doing, total=None, left="")
+            while not self._finished.wait(REFRESH_SECONDS):
+                share = self._share
+                total = None if share is None else 1.0
+                bar.update(task, description=self._doing, completed=share or 0.0, total=total, left=self._left())
+
+    def _show_lines(self) -> None:
+        silence = QUIET_SECONDS
+        while True:
+            share = self._share
+            done = "" if share is None else f": {share:.0%}"
+            left = self._left()
+            print(f"{self._doing}{done}{', ' + left if left else ''}", file=sys.stderr, flush=True)
+            if self._finished.wait(silence):
+                return
+            silence = min(2.0 * silence, LONGEST_SILENCE)
+
+    def _left(self) -> str:
+        share = self._share
+        if not share:
+            return ""
+        seconds = (time.perf_counter() - self._phase_began) * (1.0 - share) / share
+        return f"about {duration(seconds)} left"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them: 0.4 s, 12 s, 3 min 20 s, 2 h 5 min."""
+    if seconds < 10.0:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def summary(path: Path, width: int, height: int, stats: dict[str, Any]) -> str:
+    """One line: the picture, its size, rays per second, and where the time went."""
+    rays = stats["rays"]
+    sent = sum(rays[sort] for sort in ("eye", "reflection", "refraction", "shadow"))
+    seconds = {name: spent or 0.0 for name, spent in stats["seconds"].items()}
+    total = seconds.pop("total")
+    seconds["other"] = max(0.0, total - sum(seconds.values()))
+    speed = sent / 1e6 / seconds["render"] if seconds["render"] else 0.0
+    spent = ", ".join(f"{name} {amount:.2f}" for name, amount in seconds.items())
+    return f"{path}: {width}x{height}, {sent:,} rays, {speed:.1f} million/s; {total:.2f} s ({spent})"
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[str]) -> None:
+    """A table on standard output; columns named in `numeric` are set to the right. Cut off by a terminal only."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=500)
+    table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
+    for column in columns:
+        table.add_column(column, justify="right" if column in numeric else "left", no_wrap=column in numeric)
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+def print_profile(rows: Sequence[dict[str, Any]]) -> None:
+    """Where the cycles of a profiled run went, module by module."""
+    table = [
+        [
+            row["module"].removeprefix("tasuki.modules."),
+            f"{row['calls']:,}",
+            f"{row['lanes']:,}",
+            f"{row['cycles']:,}",
+            f"{row['cycles'] / row['lanes']:.1f}" if row["lanes"] else "",
+            f"{row['own']:.1%}",
+        ]
+        for row in rows
+    ]
+    columns = ["module", "calls", "lanes", "cycles", "cycles per lane", "own share"]
+    print_table("cycles include the modules called, own shares do not; one thread", columns, table, columns[1:])
