@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import inspect
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -134,6 +135,13 @@ class Module(Declaration):
         from tasuki.language.plain import call_plain
 
         return call_plain(self, args, kwargs)
+
+    def map(self, /, *arguments: Any, **options: Any) -> Any:
+        """Apply the module to every element of arrays: see `tasuki.mapping.map_module`, which this calls.
+
+        It stands above this layer, which knows it by name only.
+        """
+        return importlib.import_module("tasuki.mapping").map_module(self, *arguments, **options)
 
 
 @dataclass(frozen=True)

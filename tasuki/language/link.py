@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from tasuki.diagnostics import Diagnostic, LinkError, Note, SourceError, Span
 from tasuki.ir.nodes import (
@@ -27,10 +28,12 @@ from tasuki.ir.nodes import (
     Statement,
 )
 from tasuki.ir.types import BOOL, F32, I32, VOID, Record, Scalar, Type
-from tasuki.language.check import Checked
 from tasuki.language.declare import Case, Module, Socket
 from tasuki.language.source import source_order
 from tasuki.language.tables import Table
+
+if TYPE_CHECKING:
+    from tasuki.language.check import Checked
 
 Filler = Module | Sequence[Case]
 
