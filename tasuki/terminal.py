@@ -63,7 +63,8 @@ class ProgressDisplay:
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
         doing, left = TextColumn("{task.description}"), TextColumn("{task.fields[left]}")
-        with Progress(doing, BarColumn(), TaskProgressColumn(), left, console=Console(stderr=True), transient=True) as bar:
+        console = Console(stderr=True)
+        with Progress(doing, BarColumn(), TaskProgressColumn(), left, console=console, transient=True) as bar:
             task = bar.add_task(self._doing, total=None, left="")
             while not self._finished.wait(REFRESH_SECONDS):
                 share = self._share
