@@ -15,7 +15,7 @@ from tasuki.ir import nodes as ir
 from tasuki.ir.types import Table
 from tasuki.machines.cpu.context import ARGUMENTS, CHUNK, COUNTER, ITEMS, STOP
 from tasuki.machines.cpu.emit import STORED, Declarations, Emitter, Leaf
-from tasuki.machines.cpu.lower import Lowered, lower_program
+from tasuki.machines.cpu.lower import Lowered, lower_program, named_tables
 from tasuki.machines.cpu.memory import REPORT, AccessSite
 from tasuki.machines.cpu.variance import Pattern
 
@@ -51,8 +51,8 @@ def pattern(function: ir.Function, bindings: Sequence[Binding], width: int) -> P
 
 
 def sorted_tables(program: ir.Program) -> list[str]:
-    """Named tables in the order in which the context holds them."""
-    return sorted(program.tables)
+    """The named tables that the entry reaches, in the order in which the context holds them."""
+    return list(named_tables(program)[program.entry])
 
 
 class _Launch:

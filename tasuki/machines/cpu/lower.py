@@ -228,7 +228,7 @@ class FunctionLowering:
             case ir.SetElement(array, at_index, value, member_path):
                 self.set_element(array, at_index, value, member_path, path)
             case ir.Clear(array):
-                memory.clear_array(self.e, self.arrays[array])
+                memory.clear_array(self.e, self.arrays[array], self.mask() if self.parted(array, path) else None)
             case ir.Store(table, at_index, value, member_path):
                 self.store(statement, table, at_index, value, member_path)
             case ir.Atomic():

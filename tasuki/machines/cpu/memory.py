@@ -283,7 +283,14 @@ def declare_array(e: Emitter, type_: Array, varying: Sequence[bool]) -> ArrayVal
     return ArrayValue(type_, tuple(slots), tuple(varying))
 
 
-def clear_array(e: Emitter, array: ArrayValue) -> None:
+def clear_array(e: Emitter, array: ArrayValue, mask: str | None) -> None:
+    """Every element becomes zero: in the lanes of `mask`, or, where no lanes have parted (None), in all."""
+    if mask is not None:
+        for position in range(array.type.length):
+            index = e.constant(position, "i32")
+            zeros = [e.constant(0, scalar) for scalar in array.type.item.leaves]
+            store_array(e, array, index, range(len(zeros)), zeros, mask, parted=True)
+        return
     for slot, varying in zip(array.slots, array.varying, strict=True):
         size = 4 * array.type.length * (e.width if varying else 1)
         arguments = [("ptr", slot), ("i8", "0"), ("i64", str(size)), ("i1", "false")]

@@ -151,8 +151,9 @@ class _Fixpoint:
                 self.returned(statement, value, path)
             case ir.Break() | ir.Continue():
                 self.jump(statement, path)
-            case ir.Clear():
-                pass
+            case ir.Clear(array):
+                zeros: Leaves = [None] * len(self.out.variables[array])
+                self.assign(array, (), zeros, path, statement.span)
 
     def loop(self, loop: ir.Loop, path: BlockPath, index: int) -> None:
         inside: BlockPath = (*path, (index, "loop"))
