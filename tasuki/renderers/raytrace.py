@@ -25,7 +25,7 @@ ERROR_BOUND = 2.0**-21
 TILE = 4
 """Pixels along the side of a tile: the 16 pixels of a tile travel together in a packet of 16 lanes."""
 CHUNK_TILES = 16
-"""Tiles that a thread takes at a time."""
+"""Tiles that a thread takes at a time; with more samples fewer, since threads stop for Ctrl-C between chunks only."""
 
 FILLED = {"primitive_hit": "hit", "primitive_surface": "surface", "primitive_bounds": "box"}
 """Dispatch sockets, and the role of the module of each primitive kind that fills them."""
@@ -127,10 +127,15 @@ class RayTracer:
             len(places),
             tables=self.tables(),
             threads=self.options.threads,
-            chunk=TILE * TILE * CHUNK_TILES,
+            chunk=TILE * TILE * max(1, CHUNK_TILES // self.options.samples),
             progress=progress,
         )
         self.seconds["render"] = perf_counter() - started
+        return self.pixels()
+
+    def pixels(self) -> np.ndarray:
+        """What `render` gives, as far as it is done."""
+        region = self.options.region
         place = self.memory.tables["picture"]
         rows = self.memory.rows[place.base : place.base + place.count]
         return rows.reshape(region.height, region.width, 4)
