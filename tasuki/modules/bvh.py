@@ -23,11 +23,11 @@ from tasuki.language import (
     vec3,
 )
 from tasuki.modules.crossing import NOWHERE
-from tasuki.modules.records import bvh_nodes
+from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, boxes, bvh_nodes
 
 STACK_SIZE = 64
 """Deeper than any tree that `bvh_build` makes."""
-NOTHING = -2147483647
+NOTHING = -1
 """The code of no primitive: what a ray has hit that hit nothing, or has left that left nothing."""
 LEAST_DIRECTION = 1.0e-20
 
@@ -48,8 +48,8 @@ def slab_reciprocal(x: f32) -> f32:
 def slab_entry(low: vec3, high: vec3, inverse: vec3, shifted: vec3, far: f32) -> tuple[f32, f32]:
     """Where a ray enters and leaves a box, clipped to 0..far; it misses where it enters after it leaves.
 
-    (plane - origin) / direction as one fused operation: the boxes have been widened by more than its error when they
-    were built, and a box decides only whether its content is looked at.
+    (plane - origin) / direction is one fused operation: the boxes were widened by more than its error when they were
+    built, and a box decides only whether its content is looked at.
     """
     x0 = fma(low.x, inverse.x, shifted.x)
     x1 = fma(high.x, inverse.x, shifted.x)
@@ -78,44 +78,43 @@ def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32,
     code = 0
     walking = len(bvh_nodes) > 0
     while walking:
-        descend = False
         if code >= 0:
             node = bvh_nodes[code]
             left_enter, left_leave = slab_entry(node.left_low, node.left_high, inverse, shifted, nearest)
             right_enter, right_leave = slab_entry(node.right_low, node.right_high, inverse, shifted, nearest)
             hits_left = left_enter <= left_leave
             hits_right = right_enter <= right_leave
-            wants_left = any_lane(hits_left)
-            wants_right = any_lane(hits_right)
-            descend = wants_left or wants_right
-            if wants_left and wants_right:
-                both = hits_left and hits_right
-                left_first = 2 * count_lanes(both and left_enter <= right_enter) >= count_lanes(both)
-                if left_first:
-                    code = node.left
-                    stack[depth] = node.right
-                    entries[depth] = select(hits_right, right_enter, NOWHERE)
+            if any_lane(hits_left):
+                if any_lane(hits_right):
+                    both = hits_left and hits_right
+                    if 2 * count_lanes(both and left_enter <= right_enter) >= count_lanes(both):
+                        stack[depth] = bvh_nodes[code].right
+                        entries[depth] = select(hits_right, right_enter, NOWHERE)
+                        code = bvh_nodes[code].left
+                    else:
+                        stack[depth] = bvh_nodes[code].left
+                        entries[depth] = select(hits_left, left_enter, NOWHERE)
+                        code = bvh_nodes[code].right
+                    depth += 1
                 else:
-                    code = node.right
-                    stack[depth] = node.left
-                    entries[depth] = select(hits_left, left_enter, NOWHERE)
-                depth += 1
-            elif wants_left:
-                code = node.left
-            else:
-                code = node.right
+                    code = bvh_nodes[code].left
+                continue
+            if any_lane(hits_right):
+                code = bvh_nodes[code].right
+                continue
         else:
-            primitive = -1 - code
-            t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == code)
-            if t < nearest or (t == nearest and code > hit and t < NOWHERE):
-                nearest = t
-                hit = code
-        while not descend and walking:
-            walking = depth > 0
-            if walking:
-                depth -= 1
-                code = stack[depth]
-                descend = any_lane(entries[depth] <= nearest)
+            leaf = -1 - code
+            for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
+                primitive = boxes[place].code
+                t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
+                if t < nearest or (t == nearest and primitive < hit):
+                    nearest = t
+                    hit = primitive
+        walking = False
+        while depth > 0 and not walking:
+            depth -= 1
+            code = stack[depth]
+            walking = any_lane(entries[depth] <= nearest)
     return nearest, hit
 
 
@@ -129,33 +128,35 @@ def shadow_intersection(origin: vec3, direction: vec3, left: i32, distance: f32)
     code = 0
     walking = len(bvh_nodes) > 0
     while walking:
-        descend = False
         if code >= 0:
             node = bvh_nodes[code]
             left_enter, left_leave = slab_entry(node.left_low, node.left_high, inverse, shifted, distance)
             right_enter, right_leave = slab_entry(node.right_low, node.right_high, inverse, shifted, distance)
             in_left = count_lanes(left_enter <= left_leave)
             in_right = count_lanes(right_enter <= right_leave)
-            descend = in_left > 0 or in_right > 0
-            if in_left > 0 and in_right > 0:
-                if in_left >= in_right:
-                    code = node.left
-                    stack[depth] = node.right
+            if in_left > 0:
+                if in_right > 0:
+                    if in_left >= in_right:
+                        stack[depth] = bvh_nodes[code].right
+                        code = bvh_nodes[code].left
+                    else:
+                        stack[depth] = bvh_nodes[code].left
+                        code = bvh_nodes[code].right
+                    depth += 1
                 else:
-                    code = node.right
-                    stack[depth] = node.left
-                depth += 1
-            elif in_left > 0:
-                code = node.left
-            else:
-                code = node.right
+                    code = bvh_nodes[code].left
+                continue
+            if in_right > 0:
+                code = bvh_nodes[code].right
+                continue
         else:
-            primitive = -1 - code
-            if primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == code) < distance:
-                return True
-        if not descend:
-            walking = depth > 0
-            if walking:
-                depth -= 1
-                code = stack[depth]
+            leaf = -1 - code
+            for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
+                primitive = boxes[place].code
+                if primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive) < distance:
+                    return True
+        walking = depth > 0
+        if walking:
+            depth -= 1
+            code = stack[depth]
     return False

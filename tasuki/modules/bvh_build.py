@@ -1,4 +1,4 @@
-"""Building the bounding volume hierarchy: binned surface area heuristic, one primitive to a leaf. Runs on one lane.
+"""Building the bounding volume hierarchy by the binned surface area heuristic. Runs on one lane.
 
 I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. The boxes (`records.boxes`) are sorted in
 place; `records.bvh_nodes` receives one node less than there are boxes. A split that would make the tree too deep for the
@@ -6,12 +6,15 @@ search's stack is replaced by one at the median.
 """
 
 from tasuki.language import array, f32, i32, max, min, module, record, vec3
-from tasuki.modules.records import boxes, bvh_nodes
+from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, boxes, bvh_nodes
 
 BINS = 16
+LEAF_SIZE = LEAF_MASK + 1
 MEDIAN_DEPTH = 36
 """From here on splits halve their range: 36 + log2(2**27 primitives) stays below the search's stack."""
 EMPTY = 3.0e38
+NODE_COST = 2.0
+"""What it costs to visit a node, in intersections of a primitive (measured: docs/benchmarks.md)."""
 
 
 @record
@@ -127,10 +130,29 @@ def partition(first: i32, count: i32, split: Split, low: f32, scale: f32) -> i32
 
 
 @module
+def bounds_of(first: i32, count: i32, slack: f32) -> tuple[vec3, vec3]:
+    """The box around a range of boxes, widened by `slack`."""
+    low = vec3(EMPTY)
+    high = vec3(-EMPTY)
+    for i in range(first, first + count):
+        low = min(low, boxes[i].low)
+        high = max(high, boxes[i].high)
+    return low - vec3(slack), high + vec3(slack)
+
+
+@module
+def median(count: i32) -> i32:
+    """Half of a range that cannot be divided by place; nothing, where it can be one leaf."""
+    if count <= LEAF_SIZE:
+        return 0
+    return count // 2
+
+
+@module
 def divide(range_: Range) -> i32:
-    """Divide a range of two or more boxes in two; the size of the first part."""
-    if range_.count == 2 or range_.depth >= MEDIAN_DEPTH:
-        return range_.count // 2
+    """Divide a range of two or more boxes in two; the size of the first part, or 0 where it had better be a leaf."""
+    if range_.depth >= MEDIAN_DEPTH:
+        return median(range_.count)
     low, high = middle_range(range_.first, range_.count)
     best = Split(-1, 0, EMPTY)
     for axis in range(3):
@@ -141,20 +163,13 @@ def divide(range_: Range) -> i32:
             if split.cost < best.cost:
                 best = split
     if best.axis < 0:
-        return range_.count // 2
+        return median(range_.count)
+    if range_.count <= LEAF_SIZE:
+        box_low, box_high = bounds_of(range_.first, range_.count, 0.0)
+        if f32(range_.count) * half_area(box_low, box_high) <= NODE_COST * half_area(box_low, box_high) + best.cost:
+            return 0
     scale = f32(BINS) * 0.9999 / (along(high, best.axis) - along(low, best.axis))
     return partition(range_.first, range_.count, best, along(low, best.axis), scale)
-
-
-@module
-def bounds_of(first: i32, count: i32, slack: f32) -> tuple[vec3, vec3]:
-    """The box around a range of boxes, widened by `slack`."""
-    low = vec3(EMPTY)
-    high = vec3(-EMPTY)
-    for i in range(first, first + count):
-        low = min(low, boxes[i].low)
-        high = max(high, boxes[i].high)
-    return low - vec3(slack), high + vec3(slack)
 
 
 @module
@@ -175,16 +190,10 @@ def attach(slot: i32, child: i32, low: vec3, high: vec3):
 def build_bvh(count: i32, slack: f32) -> i32:
     """Build the hierarchy of the first `count` boxes; how many nodes it has.
 
-    Every box is widened by `slack`, the error bound of the search's slab test. A lone box is entered twice, since every
-    node has two children.
+    Every box is widened by `slack`, the error bound of the search's slab test.
     """
     if count == 0:
         return 0
-    if count == 1:
-        low, high = bounds_of(0, 1, slack)
-        attach(0, boxes[0].code, low, high)
-        attach(1, boxes[0].code, low, high)
-        return 1
     work = array(Range, 128)
     work[0] = Range(0, count, -1, 0)
     waiting = 1
@@ -192,16 +201,22 @@ def build_bvh(count: i32, slack: f32) -> i32:
     while waiting > 0:
         waiting -= 1
         task = work[waiting]
-        child = nodes
-        if task.count == 1:
-            child = boxes[task.first].code
-        if task.slot >= 0:
-            low, high = bounds_of(task.first, task.count, slack)
-            attach(task.slot, child, low, high)
+        left = 0
         if task.count > 1:
-            nodes += 1
             left = divide(task)
+        child = -1 - (task.first << LEAF_SHIFT | task.count - 1)
+        if left > 0:
+            child = nodes
+            nodes += 1
             work[waiting] = Range(task.first + left, task.count - left, 2 * child + 1, task.depth + 1)
             work[waiting + 1] = Range(task.first, left, 2 * child, task.depth + 1)
             waiting += 2
+        low, high = bounds_of(task.first, task.count, slack)
+        if task.slot >= 0:
+            attach(task.slot, child, low, high)
+        elif left == 0:
+            # The root is a leaf. A node has two children: it is entered twice.
+            attach(0, child, low, high)
+            attach(1, child, low, high)
+            nodes = 1
     return nodes

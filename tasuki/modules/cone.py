@@ -1,16 +1,16 @@
 """Open cones and cylinders: intersection and what the search needs of the kind. A surface: it has no IN and OUT."""
 
-from tasuki.language import abs, copysign, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
-from tasuki.modules.crossing import NOWHERE, first_crossing
+from tasuki.language import abs, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
+from tasuki.modules.crossing import NOWHERE, first_crossing, quadratic_crossings
 from tasuki.modules.records import Cone
 
 
 @module
-def cone_crossings(cone: Cone, origin: vec3, direction: vec3, leaving: bool) -> tuple[f32, f32]:
-    """The parameters, in order, at which the ray meets the infinite cone (both nappes); NaN where it does not.
+def cone_intersection(cone: Cone, origin: vec3, direction: vec3, leaving: bool) -> tuple[f32, f32]:
+    """The parameters at which the ray enters and leaves the cone between base and apex; NOWHERE or NaN where not.
 
     With the axis' part taken out of origin and direction the radius equation is a quadratic; origin and roots are
-    treated as in module 10.
+    treated as in module 10. On the cone's other nappe, too, no height lies between base and apex.
     """
     shift = select(leaving, 0.0, dot(cone.base - origin, direction))
     f = origin - cone.base + shift * direction
@@ -23,41 +23,19 @@ def cone_crossings(cone: Cone, origin: vec3, direction: vec3, leaving: bool) -> 
     a = dot(across, across) - widening * widening
     b = dot(outward, across) - radius * widening
     c = select(leaving, 0.0, dot(outward, outward) - radius * radius)
-    q = -(b + copysign(sqrt(b * b - a * c), b))
-    first = q / a
-    second = c / q
-    return shift + min(first, second), shift + max(first, second)
-
-
-@module
-def on_cone(cone: Cone, origin: vec3, direction: vec3, t: f32) -> bool:
-    """Whether the point at t lies between base and apex."""
-    height = dot(origin + t * direction - cone.base, cone.axis)
-    return height >= 0.0 and height <= cone.length
-
-
-@module
-def faces_out(cone: Cone, origin: vec3, direction: vec3, t: f32) -> bool:
-    """Whether the ray meets the outside of the cone at t."""
-    f = origin + t * direction - cone.base
-    height = dot(f, cone.axis)
-    radius = cone.radius + cone.slope * height
-    return dot(f - (height + cone.slope * radius) * cone.axis, direction) < 0.0
+    enter, leave = quadratic_crossings(a, b, c)
+    enter_height = height + enter * rise
+    leave_height = height + leave * rise
+    on_enter = enter_height >= 0.0 and enter_height <= cone.length
+    on_leave = leave_height >= 0.0 and leave_height <= cone.length
+    return select(on_enter, shift + enter, NOWHERE), select(on_leave, shift + leave, NOWHERE)
 
 
 @module
 def cone_hit(cone: Cone, origin: vec3, direction: vec3, leaving: bool) -> f32:
-    """The first visible crossing with t > 0 between base and apex (`crossing.NOWHERE` if there is none)."""
-    near, far = cone_crossings(cone, origin, direction, leaving)
-    hit = NOWHERE
-    if on_cone(cone, origin, direction, far):
-        out = faces_out(cone, origin, direction, far)
-        hit = first_crossing(cone.flags, select(out, far, NOWHERE), select(out, NOWHERE, far))
-    if on_cone(cone, origin, direction, near):
-        out = faces_out(cone, origin, direction, near)
-        nearer = first_crossing(cone.flags, select(out, near, NOWHERE), select(out, NOWHERE, near))
-        hit = min(nearer, hit)
-    return hit
+    """The first visible crossing with t > 0 (`crossing.NOWHERE` if there is none)."""
+    enter, leave = cone_intersection(cone, origin, direction, leaving)
+    return first_crossing(cone.flags, enter, leave)
 
 
 @module

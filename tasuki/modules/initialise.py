@@ -14,4 +14,4 @@ def primitive_bounds(kind: i32, index: i32) -> tuple[vec3, vec3]:
 def initialise_object(item: i32, code: i32):
     """Enter the bounds of primitive `code` (index * 32 + kind) as box number `item`."""
     low, high = primitive_bounds(code & 31, code >> 5)
-    boxes[item] = Box(low, -1 - code, high)
+    boxes[item] = Box(low, code, high)

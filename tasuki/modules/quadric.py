@@ -1,7 +1,7 @@
 """Quadrics, spheres among them: intersection (module 10), IN/OUT (12), and what the search needs of the kind."""
 
-from tasuki.language import abs, copysign, cross, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
-from tasuki.modules.crossing import first_crossing
+from tasuki.language import abs, cross, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
+from tasuki.modules.crossing import first_crossing, quadratic_crossings
 from tasuki.modules.records import SPHERE, Quadric
 
 FAR = 1.0e30
@@ -26,18 +26,16 @@ def sphere_crossings(quadric: Quadric, origin: vec3, direction: vec3, leaving: b
     to_centre = quadric.centre - origin
     middle = dot(to_centre, direction)
     aside = to_centre - middle * direction
-    half = sqrt(quadric.constant - dot(aside, aside))
-    enter = select(leaving, min(middle + middle, 0.0), middle - half)
-    leave = select(leaving, max(middle + middle, 0.0), middle + half)
-    return enter, leave
+    half = select(leaving, abs(middle), sqrt(quadric.constant - dot(aside, aside)))
+    return middle - half, middle + half
 
 
 @module(number=10, method="raytrace")
 def quadric_intersection(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool) -> tuple[f32, f32]:
-    """The parameters, in order, at which origin + t * direction meets the quadric; NaN where it does not.
+    """The parameters at which origin + t * direction enters and leaves the quadric; NaN where it does not.
 
-    a t^2 + 2 b t + c = 0 with the origin moved to the ray's nearest point to the centre, and roots without cancellation.
-    A ray that starts on the surface (`leaving`) has one crossing at exactly 0.
+    The origin is first moved to the ray's nearest point to the centre. A ray that starts on the surface (`leaving`) has
+    one crossing at exactly 0. Where the ray's ends lie inside (a hyperboloid's), it leaves before it enters.
     """
     f = origin - quadric.centre
     shift = -dot(f, direction) / dot(direction, direction)
@@ -48,10 +46,8 @@ def quadric_intersection(quadric: Quadric, origin: vec3, direction: vec3, leavin
     a = dot(direction, q_direction)
     b = dot(near, q_direction) + 0.5 * dot(linear, direction)
     c = select(leaving, 0.0, dot(near, quadric_matrix_times(quadric, near)) + dot(linear, near) - quadric.constant)
-    q = -(b + copysign(sqrt(b * b - a * c), b))
-    first = q / a
-    second = c / q
-    return begin + min(first, second), begin + max(first, second)
+    enter, leave = quadratic_crossings(a, b, c)
+    return begin + enter, begin + leave
 
 
 @module(number=12, method="raytrace")

@@ -44,9 +44,8 @@ class Traced:
 @module
 def surface_at(origin: vec3, direction: vec3, t: f32, hit: i32) -> Surface:
     """The surface where a ray has hit primitive `hit` at t."""
-    primitive = -1 - hit
     point = origin + t * direction
-    geometry, normal, attribute = primitive_surface(primitive & 31, primitive >> 5, origin, direction, point)
+    geometry, normal, attribute = primitive_surface(hit & 31, hit >> 5, origin, direction, point)
     if dot(geometry, direction) > 0.0:
         geometry = -geometry
         normal = -normal

@@ -16,6 +16,11 @@ SPHERE = 4
 """Flag of a quadric: Q is the unit matrix and there is no linear term."""
 
 
+LEAF_SHIFT = 3
+LEAF_MASK = 7
+"""A leaf of the BVH has its first place above, and its number of primitives less one in these bits."""
+
+
 @record
 class Plane:
     """normal . P + d = 0; IN where it is negative. The normal has unit length."""
@@ -123,7 +128,10 @@ class View:
 
 @record
 class BVHNode:
-    """Two boxes and where they lead: a node's index, or -1 - (index * 32 + kind) of a primitive."""
+    """Two boxes and where they lead: to a node's index, or to -1 - (8 * place + count - 1), a leaf.
+
+    A leaf is `count` primitives, those of `boxes` from `place` on.
+    """
 
     left_low: vec3
     left: i32
@@ -135,7 +143,7 @@ class BVHNode:
 
 @record
 class Box:
-    """Bounds of one primitive, and the code that a leaf of the BVH holds for it."""
+    """Bounds of one primitive, and its code: index * 32 + kind."""
 
     low: vec3
     code: i32

@@ -14,10 +14,13 @@ from dataclasses import dataclass
 from tasuki.diagnostics import Span
 from tasuki.ir.types import BANKS, Array, Record
 from tasuki.machines.cpu.context import ERROR, ERROR_INDEX, STOP
-from tasuki.machines.cpu.emit import STORED, Emitter, Leaf
+from tasuki.machines.cpu.emit import STORED, VECTOR_ALIGN, Emitter, Leaf
 from tasuki.machines.cpu.primitives import lower_primitive
 
 ROW_ALIGN = 16
+MOST_CLEARING_STORES = 64
+LEAST_SHARED = 6
+"""From this many words on it pays to see first whether all lanes want the same record."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,33 @@ def load_table(e: Emitter, table: TableValue, index: Leaf, wanted: range, mask: 
     """The leaves `wanted` of the record at `index`, which has been checked."""
     if not index.varying:
         return [_load_word(e, table, index, leaf) for leaf in wanted]
+    if len(wanted) < LEAST_SHARED:
+        return _load_each(e, table, index, wanted, mask)
+    return _load_shared_or_each(e, table, index, wanted, mask)
+
+
+def _load_shared_or_each(e: Emitter, table: TableValue, index: Leaf, wanted: range, mask: str) -> list[Leaf]:
+    """Rays that travel together often want one record: then it is loaded once for all active lanes."""
+    scalars = [table.record.leaves[leaf] for leaf in wanted]
+    slots = [e.slot(e.type_of(scalar, True)) for scalar in scalars]
+    first = Leaf("i32", False, extract(e, index, first_lane(e, mask)))
+    differs = e.value(f"icmp ne {e.typed(index)}, {e.broadcast(first).text}")
+    shared, each, done = e.fresh("shared"), e.fresh("each"), e.fresh("loaded")
+    e.branch(e.any_lane(e.value(f"and {e.mask_type} {differs}, {mask}")), each, shared)
+    for label, load in (
+        (shared, lambda: [e.broadcast(_load_word(e, table, first, leaf)) for leaf in wanted]),
+        (each, lambda: _load_each(e, table, index, wanted, mask)),
+    ):
+        e.label(label)
+        for slot, leaf in zip(slots, load(), strict=True):
+            e.line(f"store {e.typed(leaf)}, ptr {slot}")
+        e.jump(done)
+    e.label(done)
+    return [Leaf(s, True, e.value(f"load {e.type_of(s, True)}, ptr {slot}")) for s, slot in zip(scalars, slots, strict=True)]
+
+
+def _load_each(e: Emitter, table: TableValue, index: Leaf, wanted: range, mask: str) -> list[Leaf]:
+    """Every lane's own record: whole rows, transposed, where two or more words of one are wanted."""
     by_row: dict[int, list[int]] = defaultdict(list)
     for leaf in wanted:
         by_row[table.record.layout[leaf][0]].append(leaf)
@@ -292,7 +322,14 @@ def clear_array(e: Emitter, array: ArrayValue, mask: str | None) -> None:
             store_array(e, array, index, range(len(zeros)), zeros, mask, parted=True)
         return
     for slot, varying in zip(array.slots, array.varying, strict=True):
-        size = 4 * array.type.length * (e.width if varying else 1)
+        words = array.type.length * (e.width if varying else 1)
+        if words % e.width == 0 and words // e.width <= MOST_CLEARING_STORES:
+            # Plain stores: a call of memset would spill every register around it.
+            for vector in range(words // e.width):
+                place = e.value(f"getelementptr inbounds <{e.width} x i32>, ptr {slot}, i64 {vector}")
+                e.line(f"store <{e.width} x i32> zeroinitializer, ptr {place}, align {min(4 * e.width, VECTOR_ALIGN)}")
+            continue
+        size = 4 * words
         arguments = [("ptr", slot), ("i8", "0"), ("i64", str(size)), ("i1", "false")]
         e.intrinsic("llvm.memset.p0.i64", "void", arguments)
 
