@@ -181,8 +181,36 @@ def info(scene: SceneFile, as_json: AsJson = False, debug: Debug = False) -> Non
     with reported(debug):
         from tasuki.scene import load_scene
         from tasuki.scene.info import info as scene_info
+        from tasuki.terminal import print_info
 
-        print(json.dumps(scene_info(load_scene(scene)), indent=2))
+        content = scene_info(load_scene(scene))
+        if as_json:
+            print(json.dumps(content, indent=2))
+        else:
+            print_info(content)
+
+
+@app.command()
+def modules(
+    as_json: AsJson = False,
+    cycles: Annotated[bool, typer.Option("--cycles", help="Measure cycles per item; --json does so too.")] = False,
+    with_files: WithFiles = None,
+    debug: Debug = False,
+) -> None:
+    """List all modules that are installed."""
+    with reported(debug):
+        from tasuki.catalogue import all_modules, describe
+        from tasuki.terminal import ProgressDisplay, print_modules
+
+        with ProgressDisplay() as progress:
+            found = all_modules(with_files or [])
+            rows = describe(
+                found, measured=cycles or as_json, progress=lambda share: progress.tell("measuring modules", share)
+            )
+        if as_json:
+            print(json.dumps(rows, indent=2))
+        else:
+            print_modules(rows, cycles)
 
 
 @app.command()

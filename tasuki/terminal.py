@@ -145,3 +145,60 @@ def print_profile(rows: Sequence[dict[str, Any]]) -> None:
     ]
     columns = ["module", "calls", "lanes", "cycles", "cycles per lane", "own share"]
     print_table("cycles include the modules called, own shares do not; one thread", columns, table, columns[1:])
+
+
+def print_info(content: dict[str, Any]) -> None:
+    """What is in a scene, as `tasuki.scene.info.info` gives it."""
+    camera, bounds = content["camera"], content["bounds"]
+    shapes = dict(content["shapes"])
+    total = shapes.pop("total")
+    width, height = camera["resolution"]
+    print(f"shapes      {total:,}{': ' if total else ''}{_counts(shapes)}")
+    print(f"primitives  {_counts(content['primitives']) or 'none'}")
+    print(f"bounds      {_numbers(bounds['low'])} to {_numbers(bounds['high'])}" if bounds else "bounds      none")
+    print(f"camera      at {_numbers(camera['eye'])}, looks at {_numbers(camera['at'])}, up {_numbers(camera['up'])}")
+    print(f"            {camera['angle']:g} degrees between {camera['angle_between']}, {width}x{height} pixels")
+    print(f"background  {_numbers(content['background'])}")
+    print(f"lights      {len(content['lights'])}")
+    for light in content["lights"]:
+        print(f"            at {_numbers(light['position'])}, colour {_numbers(light['colour'])}")
+    print(f"materials   {len(content['materials'])}")
+    for material in content["materials"]:
+        others = ", ".join(_property(name, value) for name, value in material.items() if name != "shapes")
+        print(f"            {others}; {material['shapes']:,} shapes")
+    for warning in content["warnings"]:
+        print(warning)
+
+
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count:,} {name}" for name, count in counts.items())
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in values) + ")"
+
+
+def _property(name: str, value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"{name} {_numbers(value)}"
+    if isinstance(value, bool) or value is None:
+        return f"{name} {'by default' if value is None else 'yes' if value else 'no'}"
+    return f"{name} {value:g}" if isinstance(value, int | float) else f"{name} {value}"
+
+
+def print_modules(rows: Sequence[dict[str, Any]], cycles: bool) -> None:
+    """The list of modules, with what they cost on this processor if `cycles`."""
+    columns = ["number", "method", "module", "socket", *(["cycles"] if cycles else []), "file"]
+    table = []
+    for row in rows:
+        spent = row["cpu"]["cycles"]
+        cost = ["" if spent is None else f"{spent:.1f}"] if cycles else []
+        number = "" if row["number"] is None else str(row["number"])
+        table.append([number, row["method"] or "", row["name"], row["socket"] or "", *cost, _short(row["file"])])
+    print_table("", columns, table, ["number", "cycles"])
+
+
+def _short(file: str) -> str:
+    """A path as seen from the folder that holds the package, where it is inside."""
+    path, packages = Path(file), Path(__file__).parents[1]
+    return str(path.relative_to(packages)) if path.is_relative_to(packages) else file

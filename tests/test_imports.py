@@ -20,7 +20,9 @@ MAY_IMPORT = {
     "scene": {"language", "diagnostics"},
     "programs": {"diagnostics", "ir", "language", "machines", "native"},
     "mapping": {"diagnostics", "ir", "language", "machines", "native", "programs"},
+    "measure": {"diagnostics", "ir", "language", "machines", "native", "programs"},
     "renderers": {"diagnostics", "ir", "language", "machines", "modules", "native", "scene", "programs", "mapping"},
+    "catalogue": {"diagnostics", "language", "measure", "modules", "renderers", "scene"},
 }
 FREE = {"__init__", "cli", "__main__", "version"}
 

@@ -1,0 +1,104 @@
+"""All modules that are installed: the content of `tasuki modules`.
+
+They come with the package (`tasuki.modules`), from other installed packages (entry points of the group
+`tasuki.modules`, each of which names a Python module full of modules, or one module), and from files that are named.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import pkgutil
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import tasuki.modules
+from tasuki.diagnostics import Diagnostic, LinkError, TasukiError
+from tasuki.language.declare import Module
+from tasuki.language.load import declared, load_modules
+from tasuki.renderers.raytrace import FILLED
+from tasuki.scene.kinds import kinds
+
+GROUP = "tasuki.modules"
+
+
+def all_modules(files: Iterable[str | Path] = ()) -> list[Module]:
+    """Every module: ours, numbered ones first by the paper's order; of installed packages; of `files`.
+
+    Raises LinkError where an installed package cannot be loaded, SourceError where a file cannot.
+    """
+    shipped = (importlib.import_module(found.name) for found in pkgutil.walk_packages(*_package()))
+    ours = [module for namespace in shipped for module in declared(namespace) if isinstance(module, Module)]
+    ours.sort(key=lambda module: (module.number is None, module.method or "", module.number or 0))
+    named = [module for file in files for module in load_modules(file) if isinstance(module, Module)]
+    # A module may be named by several entry points.
+    return list(dict.fromkeys([*ours, *_installed(), *named]))
+
+
+def describe(
+    modules: Iterable[Module], *, measured: bool = False, progress: Callable[[float], None] | None = None
+) -> list[dict[str, Any]]:
+    """What `tasuki modules --json` prints of every module, as plain data.
+
+    "cpu" holds "cycles" per item if `measured`, which compiles every module: `progress` is told the share that is done.
+    None where a number is not known: see `tasuki.measure.cycles_per_item`. "error": what is wrong with a module that
+    should have been measured.
+    """
+    modules = list(modules)
+    sockets = _filled_by_kinds()
+    fillers = {module.fills: module for module in reversed(modules) if module.fills}
+    rows = []
+    for done, module in enumerate(modules):
+        if progress:
+            progress(done / len(modules))
+        row: dict[str, Any] = {
+            "number": module.number,
+            "method": module.method,
+            "name": module.name,
+            "qualified_name": module.qualified_name,
+            "socket": module.fills or sockets.get(module),
+            "file": module.file,
+            "line": module.line,
+            "summary": module.doc.partition("\n")[0],
+            "pu": {"steps": {"min": None, "typical": None, "max": None}, "words": None},
+            "cpu": {"cycles": None},
+        }
+        if measured:
+            row |= _measured(module, fillers)
+        rows.append(row)
+    return rows
+
+
+def _package() -> tuple[list[str], str]:
+    return list(tasuki.modules.__path__), f"{tasuki.modules.__name__}."
+
+
+def _installed() -> Iterator[Module]:
+    for entry in importlib.metadata.entry_points(group=GROUP):
+        try:
+            found = entry.load()
+        except Exception as error:
+            # Whatever a stranger's package raises: the message names the package.
+            owner = entry.dist.name if entry.dist else entry.name
+            problem = Diagnostic(f"the installed package {owner!r} cannot be loaded: {type(error).__name__}: {error}")
+            raise LinkError(str(problem)) from error
+        if isinstance(found, ModuleType):
+            yield from (thing for thing in declared(found) if isinstance(thing, Module))
+        elif isinstance(found, Module):
+            yield found
+
+
+def _filled_by_kinds() -> dict[Module, str]:
+    """The dispatch socket that a module fills for the kind of primitive that it is registered with."""
+    return {kind.resolve(role): socket for kind in kinds() for socket, role in FILLED.items()}
+
+
+def _measured(module: Module, fillers: dict[str, Module]) -> dict[str, Any]:
+    from tasuki.measure import cycles_per_item
+
+    try:
+        return {"cpu": {"cycles": cycles_per_item(module, fillers)}}
+    except TasukiError as error:
+        return {"error": str(error)}
