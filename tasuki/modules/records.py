@@ -83,6 +83,24 @@ class Triangle:
 
 
 @record
+class Quad:
+    """A flat convex quadrilateral: corners counterclockwise as seen from the front, and a normal of any length at each."""
+
+    kind: i32
+    attribute: i32
+    matrix: i32
+    flags: i32
+    a: vec3
+    b: vec3
+    c: vec3
+    d: vec3
+    normal_a: vec3
+    normal_b: vec3
+    normal_c: vec3
+    normal_d: vec3
+
+
+@record
 class Attribute:
     """What a surface is made of (paper, Figure 8)."""
 
@@ -172,6 +190,7 @@ planes = Table(Plane)
 quadrics = Table(Quadric)
 cones = Table(Cone)
 triangles = Table(Triangle)
+quads = Table(Quad)
 attributes = Table(Attribute)
 lights = Table(Light)
 views = Table(View)

@@ -6,22 +6,29 @@ from tasuki.modules.records import Triangle
 
 
 @module
-def edge_volumes(triangle: Triangle, origin: vec3, direction: vec3) -> tuple[f32, f32, f32]:
-    """For the corners a, b, c six times the volume between the ray and the opposite edge.
+def edge_volume(p: vec3, q: vec3, direction: vec3) -> f32:
+    """Six times the volume between a ray and an edge from p to q, both relative to the ray's origin.
 
-    Equal signs: the ray passes inside. An edge shared by two triangles gives both exactly the same number with opposite
-    sign, so that no ray slips between them (J. Amanatides, K. Choi, "Ray Tracing Triangular Meshes", 1997).
+    Positive where a ray that meets the polygon's front passes inside. An edge shared by two polygons gives both exactly
+    the same number with opposite sign, so that no ray slips between them (J. Amanatides, K. Choi, "Ray Tracing Triangular
+    Meshes", 1997).
     """
+    return dot(direction, cross(q, p))
+
+
+@module
+def corner_weights(triangle: Triangle, origin: vec3, direction: vec3) -> tuple[f32, f32, f32]:
+    """For each corner the volume at the opposite edge. Equal signs: the ray passes inside."""
     a = triangle.a - origin
     b = triangle.b - origin
     c = triangle.c - origin
-    return dot(direction, cross(c, b)), dot(direction, cross(a, c)), dot(direction, cross(b, a))
+    return edge_volume(b, c, direction), edge_volume(c, a, direction), edge_volume(a, b, direction)
 
 
 @module
 def triangle_hit(triangle: Triangle, origin: vec3, direction: vec3, leaving: bool) -> f32:
     """The visible crossing with t > 0 (`crossing.NOWHERE` if there is none)."""
-    u, v, w = edge_volumes(triangle, origin, direction)
+    u, v, w = corner_weights(triangle, origin, direction)
     front = u >= 0.0 and v >= 0.0 and w >= 0.0
     back = u <= 0.0 and v <= 0.0 and w <= 0.0
     normal = cross(triangle.b - triangle.a, triangle.c - triangle.a)
@@ -33,7 +40,7 @@ def triangle_hit(triangle: Triangle, origin: vec3, direction: vec3, leaving: boo
 @module
 def triangle_surface(triangle: Triangle, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
     """The normal of the plane, that interpolated between the corners, and the attribute."""
-    u, v, w = edge_volumes(triangle, origin, direction)
+    u, v, w = corner_weights(triangle, origin, direction)
     flat = normalize(cross(triangle.b - triangle.a, triangle.c - triangle.a))
     blended = u * triangle.normal_a + v * triangle.normal_b + w * triangle.normal_c
     total = u + v + w

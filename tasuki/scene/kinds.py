@@ -108,3 +108,4 @@ def _builtin(name: str, sort: Literal["solid", "surface"]) -> PrimitiveKind:
 for _kind in (_builtin("plane", "solid"), _builtin("quadric", "solid"), _builtin("cone", "surface")):
     register(_kind)
 register(_builtin("triangle", "surface"))
+register(_builtin("quad", "surface"))

@@ -13,7 +13,7 @@ import numpy as np
 from tasuki.scene.kinds import PrimitiveKind, lookup
 from tasuki.scene.model import Scene
 from tasuki.scene.shapes import CONE, POLYGON, SPHERE, Batch, Polygons
-from tasuki.scene.triangulate import triangulate
+from tasuki.scene.triangulate import flat_convex_quads, triangulate
 
 TWO_SIDED = 1
 INSIDE_ONLY = 2
@@ -35,7 +35,7 @@ class Primitives:
 
 def lower(scene: Scene) -> list[Primitives]:
     """The primitives of the scene, by kind in the order of kinds; kinds without any are left out."""
-    lowered = [_spheres(scene), _cones(scene), _polygons(scene)]
+    lowered = [_spheres(scene), _cones(scene), *_polygons(scene)]
     return sorted((one for one in lowered if len(one.records)), key=lambda one: one.kind.number)
 
 
@@ -67,12 +67,25 @@ def _cones(scene: Scene) -> Primitives:
     return Primitives(kind, records, _shape_numbers(scene, CONE))
 
 
-def _polygons(scene: Scene) -> Primitives:
+def _polygons(scene: Scene) -> list[Primitives]:
+    """Flat convex polygons of four corners as quads, all others as triangles."""
     polygons = scene.shapes.polygons
+    whole = np.flatnonzero(flat_convex_quads(polygons))
+    quad_corners = polygons.starts[whole, None] + np.arange(4)
     corners, owner = triangulate(polygons)
-    kind, records = _records("triangle", scene, polygons, smooth=polygons.smooth, owner=owner)
+    left = ~np.isin(owner, whole)
+    return [
+        _flat_primitives("triangle", scene, corners[left], owner[left]),
+        _flat_primitives("quad", scene, quad_corners, whole),
+    ]
+
+
+def _flat_primitives(kind_name: str, scene: Scene, corners: np.ndarray, owner: np.ndarray) -> Primitives:
+    """Primitives with `corners` (n, 3 or 4), indices into the polygons' points; `owner` is the polygon of each."""
+    polygons = scene.shapes.polygons
+    kind, records = _records(kind_name, scene, polygons, smooth=polygons.smooth, owner=owner)
     normals = _corner_normals(polygons)
-    for corner, name in enumerate("abc"):
+    for corner, name in enumerate("abcd"[: corners.shape[1]]):
         records[name] = _float32(polygons.points[corners[:, corner]])
         records[f"normal_{name}"] = _float32(normals[corners[:, corner]])
     return Primitives(kind, records, _shape_numbers(scene, POLYGON)[owner])

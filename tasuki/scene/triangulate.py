@@ -14,6 +14,9 @@ from tasuki.scene.shapes import Polygons
 BACKWARD = -1e-12
 """How far a fan's triangle may turn the wrong way, in units of the polygon's area: rounding of a straight angle."""
 
+PLANAR = 1e-6
+"""How far the corners of a flat quadrilateral may lie from a plane, in units of its size: rounding of its coordinates."""
+
 FLAT = 1e-12
 """Triangles with less than this share of the polygon's area are left out: they stand at straight angles."""
 
@@ -38,6 +41,22 @@ def triangulate(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
     owner = np.concatenate([owner, np.repeat(np.flatnonzero(bad), [len(one) for one in clipped])])
     order = np.argsort(owner, kind="stable")
     return np.concatenate([corners, *clipped])[order], owner[order]
+
+
+def flat_convex_quads(polygons: Polygons) -> np.ndarray:
+    """Which polygons have four corners, all of them convex, and all but in one plane; (n,) bool."""
+    found = polygons.sizes == 4
+    chosen = np.flatnonzero(found)
+    around = polygons.starts[chosen, None] + np.arange(4)
+    for first in range(4):
+        corners = around[:, [first, (first + 1) % 4, (first + 2) % 4]]
+        found[chosen] &= _shares(polygons, corners, chosen) > FLAT
+    a, b, c, d = (polygons.points[around[:, corner]] for corner in range(4))
+    normal = np.cross(c - a, d - b)
+    height = np.abs(np.einsum("ij,ij->i", normal, b - a))
+    size = np.linalg.norm(c - a, axis=1) + np.linalg.norm(d - b, axis=1)
+    found[chosen] &= height <= PLANAR * size * np.linalg.norm(normal, axis=1)
+    return found
 
 
 def _fans(polygons: Polygons, apex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

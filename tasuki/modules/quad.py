@@ -1,0 +1,59 @@
+"""Flat convex quadrilaterals with smooth normals: cheaper than two triangles. A surface: it has no IN and OUT."""
+
+from tasuki.language import cross, dot, f32, i32, max, min, module, normalize, select, vec3
+from tasuki.modules.crossing import NOWHERE, first_crossing
+from tasuki.modules.records import Quad
+from tasuki.modules.triangle import edge_volume
+
+
+@module
+def quad_plane_normal(quad: Quad) -> vec3:
+    """The normal, of any length, from the diagonals."""
+    return cross(quad.c - quad.a, quad.d - quad.b)
+
+
+@module
+def quad_hit(quad: Quad, origin: vec3, direction: vec3, leaving: bool) -> f32:
+    """The visible crossing with t > 0 (`crossing.NOWHERE` if there is none)."""
+    a = quad.a - origin
+    b = quad.b - origin
+    c = quad.c - origin
+    d = quad.d - origin
+    ab = edge_volume(a, b, direction)
+    bc = edge_volume(b, c, direction)
+    cd = edge_volume(c, d, direction)
+    da = edge_volume(d, a, direction)
+    front = min(min(ab, bc), min(cd, da)) >= 0.0
+    back = max(max(ab, bc), max(cd, da)) <= 0.0
+    normal = quad_plane_normal(quad)
+    t = dot(normal, a) / dot(normal, direction)
+    hit = first_crossing(quad.flags, select(front, t, NOWHERE), select(back, t, NOWHERE))
+    return select(leaving, NOWHERE, hit)
+
+
+@module
+def quad_surface(quad: Quad, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+    """The normal of the plane, that interpolated between the corners, and the attribute.
+
+    Interpolated in the triangle, abc or acd, through which the ray passes.
+    """
+    a = quad.a - origin
+    b = quad.b - origin
+    c = quad.c - origin
+    d = quad.d - origin
+    flat = quad_plane_normal(quad)
+    facing = select(dot(flat, direction) < 0.0, 1.0, -1.0)
+    beyond = facing * edge_volume(c, a, direction)
+    weight_b = max(beyond, 0.0)
+    weight_d = max(-beyond, 0.0)
+    in_abc = beyond >= 0.0
+    weight_a = facing * select(in_abc, edge_volume(b, c, direction), edge_volume(c, d, direction))
+    weight_c = facing * select(in_abc, edge_volume(a, b, direction), edge_volume(d, a, direction))
+    smooth = weight_a * quad.normal_a + weight_b * quad.normal_b + weight_c * quad.normal_c + weight_d * quad.normal_d
+    return normalize(flat), normalize(smooth), quad.attribute
+
+
+@module
+def quad_bounds(quad: Quad) -> tuple[vec3, vec3]:
+    """The box of the corners."""
+    return min(min(quad.a, quad.b), min(quad.c, quad.d)), max(max(quad.a, quad.b), max(quad.c, quad.d))
