@@ -168,6 +168,8 @@ class _Maker:
         self.arrays = {"a0": Array(self.pick((F32, I32, BOOL)), 3), "a1": Array(self.pick((VEC3, HIT)), 2)}
         head += [n.Clear(name) for name in self.arrays]
         body = self.block(3, False, least=3) if is_entry else self.block(2, False)
+        # Counters may be read after a branch that holds their loop.
+        head += [n.Assign(f"n{k}", i(0)) for k in range(self.loops)]
         # The entry shows what its variables have become.
         value = construct(RESULT, *(local(f"v{k}", kind) for k, kind in enumerate(RESULT.items))) if is_entry else None
         last = n.Return(value or self.expression(result, 2))
