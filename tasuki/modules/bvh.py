@@ -78,7 +78,7 @@ def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32,
     code = 0
     walking = len(bvh_nodes) > 0
     while walking:
-        if code >= 0:
+        while code >= 0:
             node = bvh_nodes[code]
             left_enter, left_leave = slab_entry(node.left_low, node.left_high, inverse, shifted, nearest)
             right_enter, right_leave = slab_entry(node.right_low, node.right_high, inverse, shifted, nearest)
@@ -98,11 +98,11 @@ def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32,
                     depth += 1
                 else:
                     code = bvh_nodes[code].left
-                continue
-            if any_lane(hits_right):
+            elif any_lane(hits_right):
                 code = bvh_nodes[code].right
-                continue
-        else:
+            else:
+                break
+        if code < 0:
             leaf = -1 - code
             for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
                 primitive = boxes[place].code
@@ -128,7 +128,7 @@ def shadow_intersection(origin: vec3, direction: vec3, left: i32, distance: f32)
     code = 0
     walking = len(bvh_nodes) > 0
     while walking:
-        if code >= 0:
+        while code >= 0:
             node = bvh_nodes[code]
             left_enter, left_leave = slab_entry(node.left_low, node.left_high, inverse, shifted, distance)
             right_enter, right_leave = slab_entry(node.right_low, node.right_high, inverse, shifted, distance)
@@ -145,11 +145,11 @@ def shadow_intersection(origin: vec3, direction: vec3, left: i32, distance: f32)
                     depth += 1
                 else:
                     code = bvh_nodes[code].left
-                continue
-            if in_right > 0:
+            elif in_right > 0:
                 code = bvh_nodes[code].right
-                continue
-        else:
+            else:
+                break
+        if code < 0:
             leaf = -1 - code
             for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
                 primitive = boxes[place].code

@@ -59,13 +59,21 @@ def quadric_inside(quadric: Quadric, point: vec3) -> bool:
 
 
 @module
+def sphere_hit(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool) -> f32:
+    """`quadric_hit` for a quadric with the flag SPHERE."""
+    enter, leave = sphere_crossings(quadric, origin, direction, leaving)
+    return first_crossing(quadric.flags, enter, leave)
+
+
+@module
 def quadric_hit(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool) -> f32:
     """The first visible crossing with t > 0 (`crossing.NOWHERE` if there is none)."""
     if quadric.flags & SPHERE != 0:
-        enter, leave = sphere_crossings(quadric, origin, direction, leaving)
+        t = sphere_hit(quadric, origin, direction, leaving)
     else:
         enter, leave = quadric_intersection(quadric, origin, direction, leaving)
-    return first_crossing(quadric.flags, enter, leave)
+        t = first_crossing(quadric.flags, enter, leave)
+    return t
 
 
 @module

@@ -16,6 +16,7 @@ from tasuki.modules import records as rec
 from tasuki.modules.shading import diffuse_and_highlight
 from tasuki.programs import REPORT, Filler, Options, executable
 from tasuki.renderers.options import Region, RenderOptions
+from tasuki.scene.kinds import PrimitiveKind, resolve
 from tasuki.scene.memory import Memory
 from tasuki.scene.model import Scene
 from tasuki.scene.pack import Packed, pack
@@ -103,10 +104,18 @@ class RayTracer:
         filled: dict[str, Filler] = {"shading": diffuse_and_highlight}
         for socket, role in FILLED.items():
             filled[socket] = [
-                Case(kind.number, kind.resolve(role), kind.resolve("table"), kind.table_name)
+                Case(kind.number, self._module(kind, role), kind.resolve("table"), kind.table_name)
                 for kind in self.packed.kinds
             ]
         return filled | self.modules
+
+    def _module(self, kind: PrimitiveKind, role: str) -> Module:
+        """The module of a kind in a role: a narrower one where all primitives have the flag that it asks for."""
+        records = self.memory.table(kind.table_name)
+        for narrow in kind.narrow:
+            if narrow.role == role and (records["flags"] & narrow.flag).all():
+                return resolve(narrow.module)
+        return kind.resolve(role)
 
     def tables(self) -> dict[str, MemoryTable]:
         places = self.memory.tables

@@ -14,8 +14,19 @@ from typing import Any, Literal
 from tasuki.diagnostics import SceneError
 from tasuki.scene.source import suggestion
 
+UNIT_MATRIX = 4
+"""Flag of a quadric whose matrix is the unit matrix, without linear term: a sphere (`SPHERE` in the modules' records)."""
 MOST_KINDS = 32
 """A primitive's code is its index * 32 + its kind."""
+
+
+@dataclass(frozen=True)
+class Narrow:
+    """A module that may stand for the kind's own in `role` where every primitive has the flag `flag`; given by name."""
+
+    role: str
+    flag: int
+    module: str
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,7 @@ class PrimitiveKind:
     surface: Any
     box: Any
     inside: Any = None
+    narrow: tuple[Narrow, ...] = ()
     number: int = -1
 
     def resolve(self, role: str) -> Any:
@@ -105,7 +117,14 @@ def _builtin(name: str, sort: Literal["solid", "surface"]) -> PrimitiveKind:
     )
 
 
-for _kind in (_builtin("plane", "solid"), _builtin("quadric", "solid"), _builtin("cone", "surface")):
+_SPHERES = Narrow("hit", UNIT_MATRIX, "tasuki.modules.quadric:sphere_hit")
+"""A general quadric's code beside a sphere's costs registers, even where no primitive ever reaches it."""
+
+for _kind in (
+    _builtin("plane", "solid"),
+    replace(_builtin("quadric", "solid"), narrow=(_SPHERES,)),
+    _builtin("cone", "surface"),
+    _builtin("triangle", "surface"),
+    _builtin("quad", "surface"),
+):
     register(_kind)
-register(_builtin("triangle", "surface"))
-register(_builtin("quad", "surface"))

@@ -10,15 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tasuki.scene.kinds import PrimitiveKind, lookup
+from tasuki.scene.kinds import UNIT_MATRIX, PrimitiveKind, lookup
 from tasuki.scene.model import Scene
 from tasuki.scene.shapes import CONE, POLYGON, SPHERE, Batch, Polygons
 from tasuki.scene.triangulate import flat_convex_quads, triangulate
 
 TWO_SIDED = 1
 INSIDE_ONLY = 2
-UNIT_MATRIX = 4
-"""Flags of a primitive, as `tasuki.modules.records` gives them (there UNIT_MATRIX is the flag SPHERE of a quadric)."""
+"""Flags of a primitive, as `tasuki.modules.records` gives them."""
 
 NO_MATRIX = -1
 """The matrix of a primitive that stands in the scene's own coordinates."""
