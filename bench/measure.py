@@ -122,7 +122,7 @@ def machine() -> dict[str, str]:
         "processor": ", ".join(sorted(models)) or platform.processor() or platform.machine(),
         "cores": str(os.cpu_count()),
         "lanes": _lanes(),
-        "system": f"{platform.system()} {platform.release()}",
+        "system": platform.system(),
         "python": platform.python_version(),
         **{package: _version(package) for package in ("numpy", "llvmlite", "embreex")},
         "load": f"{os.getloadavg()[0]:.2f}",

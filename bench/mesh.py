@@ -14,7 +14,7 @@ LIGHT = PointLight((5.0, 5.0, 5.0))
 
 
 def bumpy_sphere(triangles: int) -> np.ndarray:
-    """About `triangles` triangles, (n, 3, 3) float32: a grid of latitude and longitude, one row of triangles at each pole.
+    """About `triangles` triangles, (n, 3, 3) float32: a grid of latitude and longitude, single triangles at its poles.
 
     Shared corners are equal to the last bit, so that the mesh has no cracks.
     """

@@ -1,7 +1,7 @@
 """The throw-away prototype as a contender: its frame of `balls`, measured in a process of its own that takes orders.
 
-Run as a program it is that process: `python -B prototype.py FOLDER`. Each line that it reads, "THREADS FRAMES", it
-answers with the seconds of each frame.
+Run as a program it is that process: `python -B prototype.py FOLDER`. Each line that it reads, "THREADS FRAMES CLOCK",
+it answers with the seconds of each frame.
 """
 
 from __future__ import annotations
@@ -9,14 +9,17 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
 from types import ModuleType
 from typing import Any
 
 SIZE, DEPTH, TILE = 512, 5, 4
 READY = "ready"
+CLOCKS = {"wall": perf_counter, "cpu": process_time}
+"""Time that passed, or time that a process kept processors busy, which other people's work disturbs less."""
 
 
 class Prototype:
@@ -36,10 +39,10 @@ class Prototype:
         self._process.stdin.close()
         self._process.wait()
 
-    def seconds(self, threads: int, frames: int) -> float:
-        """The median of `frames` frames, in seconds."""
+    def seconds(self, threads: int, frames: int, clock: str) -> float:
+        """The median of `frames` frames, in seconds of `clock` (a key of `CLOCKS`)."""
         assert self._process.stdin
-        print(threads, frames, file=self._process.stdin, flush=True)
+        print(threads, frames, clock, file=self._process.stdin, flush=True)
         return median(float(word) for word in self._answer_after("seconds").split())
 
     def _answer_after(self, word: str) -> str:
@@ -59,8 +62,8 @@ def serve(folder: str) -> None:
     kernel = whitted.mk("whitted")
     print(READY, flush=True)
     for line in sys.stdin:
-        threads, frames = map(int, line.split())
-        times = [frame(kernel, arguments, counter, threads) for _ in range(frames)]
+        threads, frames, clock = line.split()
+        times = [frame(kernel, arguments, counter, int(threads), CLOCKS[clock]) for _ in range(int(frames))]
         print("seconds", *times, flush=True)
 
 
@@ -82,17 +85,17 @@ def prepare(whitted: ModuleType) -> tuple[list[Any], Any]:
     return [*buffers, *numbers, out], counter
 
 
-def frame(kernel: Any, arguments: list[Any], counter: Any, threads: int) -> float:
+def frame(kernel: Any, arguments: list[Any], counter: Any, threads: int, clock: Callable[[], float]) -> float:
     """Seconds of one frame."""
     addresses = [argument.ctypes.data if hasattr(argument, "ctypes") else argument for argument in arguments]
     workers = [threading.Thread(target=kernel, args=addresses) for _ in range(threads)]
     counter[0] = 0
-    started = perf_counter()
+    started = clock()
     for worker in workers:
         worker.start()
     for worker in workers:
         worker.join()
-    return perf_counter() - started
+    return clock() - started
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """Plain ray throughput beside Embree: `python -m bench.throughput`, with `embreex` installed (the extra `bench`).
 
-A mesh of about 100,000 triangles. Primary rays come from one eye, in the order in which the ray tracer sends them (tiles
-of 4 x 4 pixels); random rays begin anywhere in the box around the mesh and go anywhere; sorted ones are the same rays in
-an order in which neighbours begin and go alike (the sorting is not timed). Both contenders get arrays of rays and give
-arrays of results: ours the distance and the primitive, Embree, through its Python binding, which traces ray by ray on
-one thread, the distance; or whether something was hit. Their answers are compared before they are timed. Figures are
-million rays in a second, of one core. Writes `bench/results/throughput.json`.
+A mesh of about 100,000 triangles. Primary rays come from one eye, in the order in which the ray tracer sends them
+(tiles of 4 x 4 pixels); random rays begin anywhere in the box around the mesh and go anywhere; sorted ones are the same
+rays in an order in which neighbours begin and go alike (the sorting is not timed). Both contenders get arrays of rays
+and give arrays of results: the distance of the nearest hit (ours also which primitive), or whether there is any. Embree
+is called through its Python binding, which traces ray by ray on one thread. The answers are compared before anything is
+timed. Figures are million rays in a second, of one core. Writes `bench/results/throughput.json`.
 """
 
 from __future__ import annotations
