@@ -269,6 +269,3 @@ def process_seconds() -> float:
 
 
 _IMPORTED = time.perf_counter()
-
-if __name__ == "__main__":
-    main()

@@ -14,6 +14,8 @@ from typing import Any
 QUIET_SECONDS = 1.0
 """Shorter work shows no progress."""
 REFRESH_SECONDS = 0.1
+MOST_SHOWN = 20
+"""Of lights and of materials in what `tasuki info` prints."""
 LONGEST_SILENCE = 60.0
 """Seconds between two lines of progress, where standard error is not a terminal; it begins with one and doubles."""
 
@@ -160,14 +162,30 @@ def print_info(content: dict[str, Any]) -> None:
     print(f"            {camera['angle']:g} degrees between {camera['angle_between']}, {width}x{height} pixels")
     print(f"background  {_numbers(content['background'])}")
     print(f"lights      {len(content['lights'])}")
-    for light in content["lights"]:
-        print(f"            at {_numbers(light['position'])}, colour {_numbers(light['colour'])}")
+    _print_some(
+        [f"at {_numbers(light['position'])}, colour {_numbers(light['colour'])}" for light in content["lights"]]
+    )
     print(f"materials   {len(content['materials'])}")
-    for material in content["materials"]:
-        others = ", ".join(_property(name, value) for name, value in material.items() if name != "shapes")
-        print(f"            {others}; {material['shapes']:,} shapes")
+    _print_some([_material(material) for material in content["materials"]])
     for warning in content["warnings"]:
         print(warning)
+
+
+def _print_some(lines: Sequence[str]) -> None:
+    for line in lines[:MOST_SHOWN]:
+        print(f"            {line}")
+    if len(lines) > MOST_SHOWN:
+        print(f"            and {len(lines) - MOST_SHOWN:,} more, which --json shows")
+
+
+def _material(material: dict[str, Any]) -> str:
+    """A material's name, the number of its shapes, and its properties; those left to their defaults are not shown."""
+    others = [
+        f"{name} {_numbers(value) if isinstance(value, list | tuple) else f'{value:g}'}"
+        for name, value in material.items()
+        if name not in ("name", "shapes") and value is not None
+    ]
+    return f"{material['name'] or 'unnamed'}, {material['shapes']:,} shapes: {', '.join(others)}"
 
 
 def _counts(counts: dict[str, int]) -> str:
@@ -176,14 +194,6 @@ def _counts(counts: dict[str, int]) -> str:
 
 def _numbers(values: Sequence[float]) -> str:
     return "(" + ", ".join(f"{value:g}" for value in values) + ")"
-
-
-def _property(name: str, value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return f"{name} {_numbers(value)}"
-    if isinstance(value, bool) or value is None:
-        return f"{name} {'by default' if value is None else 'yes' if value else 'no'}"
-    return f"{name} {value:g}" if isinstance(value, int | float) else f"{name} {value}"
 
 
 def print_modules(rows: Sequence[dict[str, Any]], cycles: bool) -> None:

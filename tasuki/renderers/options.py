@@ -9,6 +9,8 @@ from tasuki.diagnostics import SceneError
 
 LARGEST_SIDE = 65535
 """A pixel's row and column share one 32-bit word."""
+MOST_PIXELS = 1 << 27
+"""They take 32 bytes each of a memory of 8 GiB, half of which is left for the scene."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,8 @@ class Region:
 class RenderOptions:
     """How a scene is rendered. Raises SceneError with what was expected and found.
 
-    `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0: one
-    for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
+    `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0:
+    one for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
     """
 
     width: int = 512
@@ -52,8 +54,15 @@ class RenderOptions:
         object.__setattr__(self, "threads", self.threads or os.cpu_count() or 1)
         region = self.region
         if region == Region(0, 0, 0, 0):
-            object.__setattr__(self, "region", Region(0, 0, self.width, self.height))
-            return
+            region = Region(0, 0, self.width, self.height)
+            object.__setattr__(self, "region", region)
+        if region.width * region.height > MOST_PIXELS:
+            raise SceneError(
+                "error: too many pixels at once\n"
+                f"  expected: at most {MOST_PIXELS:,}\n"
+                f"  found: {region.width} x {region.height} = {region.width * region.height:,}\n"
+                "  hint: render the picture in parts, with a region for each"
+            )
         inside = 0 <= region.x < region.x + region.width <= self.width
         if not (inside and 0 <= region.y < region.y + region.height <= self.height):
             raise SceneError(

@@ -63,11 +63,18 @@ def triangle_bounds(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners.min(axis=0), corners.max(axis=0)
 
 
+def quad_bounds(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The box of the corners, exactly."""
+    corners = np.stack([records["a"], records["b"], records["c"], records["d"]]).astype(np.float64)
+    return corners.min(axis=0), corners.max(axis=0)
+
+
 HOST_BOUNDS = {
     "plane": plane_bounds,
     "quadric": quadric_bounds,
     "cone": cone_bounds,
     "triangle": triangle_bounds,
+    "quad": quad_bounds,
 }
 """The functions above, by the name of their kind."""
 

@@ -1,0 +1,5 @@
+"""`python -m tasuki`: the command line."""
+
+from tasuki.cli import main
+
+main()
