@@ -3,7 +3,7 @@
 T. Whitted, "An Improved Illumination Model for Shaded Display", 1980.
 """
 
-from tasuki.language import abs, dot, f32, floor, i32, max, module, norm, record, socket, vec3
+from tasuki.language import abs, dot, f32, floor, i32, max, module, norm, reciprocal, record, socket, vec3
 from tasuki.modules.bvh import NOTHING, nearest_intersection, shadow_intersection
 from tasuki.modules.directions import reflection_direction, view_direction
 from tasuki.modules.records import Attribute, Pixel, RayCounts, View, attributes, lights, picture, ray_counts, views
@@ -73,7 +73,7 @@ def direct_light(
         light = lights[n]
         way = light.position - start
         distance = norm(way)
-        to_light = way / distance
+        to_light = way * reciprocal(distance)
         if dot(surface.normal, to_light) > 0.0:
             rays += 1
             if not shadow_intersection(start, to_light, hit, distance):
@@ -137,7 +137,7 @@ def trace_pixel(place: i32):
         total.eye_hits += traced.eye_hits
         total.reflection += traced.reflection
         total.shadow += traced.shadow
-    count = f32(view.samples)
+    share = reciprocal(f32(view.samples))
     index = row * view.region_width + column
-    picture[index] = Pixel(total.luminance / count, f32(total.eye_hits) / count)
+    picture[index] = Pixel(share * total.luminance, share * f32(total.eye_hits))
     ray_counts[index] = RayCounts(total.eye_hits, total.reflection, 0, total.shadow)

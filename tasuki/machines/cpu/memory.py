@@ -169,6 +169,37 @@ def _load_each(e: Emitter, table: TableValue, index: Leaf, wanted: range, mask: 
 
 def store_table(e: Emitter, table: TableValue, index: Leaf, wanted: range, leaves: Sequence[Leaf], mask: str) -> None:
     """The leaves `wanted` of the record at `index` become `leaves` in the active lanes."""
+    rows = whole_rows(table.record, wanted) if index.varying and e.width >= 4 else {}
+    if not rows:
+        _store_words(e, table, index, wanted, leaves, mask)
+        return
+    # With all lanes active whole rows go out, one store for each lane; else word by word.
+    full, partial, done = e.fresh("full"), e.fresh("partial"), e.fresh("stored")
+    missing = e.value(f"xor {e.mask_type} {mask}, splat (i1 true)")
+    e.branch(e.any_lane(missing), partial, full)
+    e.label(full)
+    stored = dict(zip(wanted, leaves, strict=True))
+    addresses = _row_addresses(e, table, index)
+    for row, members in rows.items():
+        _store_row(e, addresses, row, [stored.pop(leaf) for leaf in members])
+    _store_words(e, table, index, list(stored), list(stored.values()), mask)
+    e.jump(done)
+    e.label(partial)
+    _store_words(e, table, index, wanted, leaves, mask)
+    e.label(done)
+
+
+def whole_rows(record: Record, wanted: Sequence[int]) -> dict[int, list[int]]:
+    """The rows of a record of which all four words are wanted, each with its leaves by bank."""
+    rows: dict[int, list[int]] = defaultdict(list)
+    for leaf in sorted(wanted, key=lambda leaf: record.layout[leaf]):
+        rows[record.layout[leaf][0]].append(leaf)
+    return {row: leaves for row, leaves in rows.items() if len(leaves) == BANKS}
+
+
+def _store_words(
+    e: Emitter, table: TableValue, index: Leaf, wanted: Sequence[int], leaves: Sequence[Leaf], mask: str
+) -> None:
     for position, leaf in zip(wanted, leaves, strict=True):
         if not index.varying and not leaf.varying:
             address = _word_address(e, table, index, position)
@@ -178,6 +209,26 @@ def store_table(e: Emitter, table: TableValue, index: Leaf, wanted: range, leave
         addresses = _word_addresses(e, table, e.broadcast(index), position)
         type_ = e.stored_type(leaf.scalar, True)
         scatter(e, leaf.scalar, [(type_, e.to_stored(vector))], addresses, mask)
+
+
+def _store_row(e: Emitter, addresses: Sequence[str], row: int, leaves: Sequence[Leaf]) -> None:
+    """The inverse of `_transpose_rows`: four vectors, one for each bank, become a row for each lane."""
+    banks = [_as_floats(e, leaf) for leaf in leaves]
+    low01, high01 = _interleave(e, banks[0], banks[1], (0, 1)), _interleave(e, banks[0], banks[1], (2, 3))
+    low23, high23 = _interleave(e, banks[2], banks[3], (0, 1)), _interleave(e, banks[2], banks[3], (2, 3))
+    columns = [_join(e, low01, low23, 0), _join(e, low01, low23, 2), _join(e, high01, high23, 0), _join(e, high01, high23, 2)]
+    for lane, address in enumerate(addresses):
+        place = e.value(f"getelementptr inbounds i8, ptr {address}, i64 {row * ROW_ALIGN}")
+        part = range(lane // 4 * 4, lane // 4 * 4 + 4)
+        words = _shuffle(e, e.width, columns[lane % 4], "poison", part)
+        e.line(f"store <4 x float> {words}, ptr {place}, align {ROW_ALIGN}")
+
+
+def _as_floats(e: Emitter, leaf: Leaf) -> str:
+    vector = e.broadcast(leaf)
+    if vector.scalar == "f32":
+        return vector.text
+    return e.value(f"bitcast <{e.width} x i32> {e.to_stored(vector)} to <{e.width} x float>")
 
 
 def word_pointers(e: Emitter, table: TableValue, index: Leaf, leaf: int) -> str:
