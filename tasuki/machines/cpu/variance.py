@@ -23,6 +23,8 @@ from tasuki.ir.types import Array, Table, Type
 BlockPath = tuple[tuple[int, str], ...]
 """Where a block stands: for each construct around it the index of the statement, and which of its blocks."""
 ConstructPath = tuple[BlockPath, int]
+TEMPORARY = "$"
+"""Begins the names of variables that the language's front end made: nothing that a user knows."""
 Pattern = tuple[tuple[bool, ...], ...]
 """For each parameter, which of its leaves vary (a table: nothing)."""
 
@@ -211,7 +213,7 @@ class _Fixpoint:
         parted = self.out.parts(self.out.homes[target], path)
         if parted is not None:
             leaves = [r or Reason(f"`{target}` is assigned where lanes have parted", span, parted) for r in leaves]
-        else:
+        elif not target.startswith(TEMPORARY):
             leaves = [Reason(f"`{target}` is assigned here", span, r) if r else None for r in leaves]
         self.merge(self.out.variables[target], leaf_span(type_, member_path), leaves)
 
