@@ -28,7 +28,7 @@ class RenderOptions:
     """How a scene is rendered. Raises SceneError with what was expected and found.
 
     `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0:
-    one for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
+    one for each processor. `unchecked`: users' modules run without checks of their accesses to tables. `machine`: "cpu" or "python".
     """
 
     width: int = 512
@@ -39,6 +39,7 @@ class RenderOptions:
     region: Region = field(default_factory=lambda: Region(0, 0, 0, 0))
     unchecked: bool = False
     profile: bool = False
+    machine: str = "cpu"
 
     def __post_init__(self) -> None:
         for name, least, most in (

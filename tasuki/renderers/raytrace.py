@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from time import perf_counter
 from typing import Any
 
@@ -13,7 +14,8 @@ from tasuki.language.declare import Case, Module
 from tasuki.machines.cpu.machine import Executable, Items, Number, Progress, Same
 from tasuki.modules import bvh_build, initialise, raytrace
 from tasuki.modules import records as rec
-from tasuki.modules.shading import diffuse_and_highlight
+from tasuki.modules.bvh import primitive_hit
+from tasuki.modules.shading import diffuse_and_highlight, shading
 from tasuki.programs import REPORT, Filler, Options, executable
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.scene.kinds import PrimitiveKind, resolve
@@ -22,7 +24,7 @@ from tasuki.scene.model import Scene
 from tasuki.scene.pack import Packed, pack
 
 ERROR_BOUND = 2.0**-21
-"""Of the fused slab test, relative to the largest coordinate: two roundings of 2**-24 on distances of twice that size."""
+"""Of the fused slab test, relative to the largest coordinate: roundings of 2**-24 on distances of twice that size."""
 TILE = 4
 """Pixels along the side of a tile: the 16 pixels of a tile travel together in a packet of 16 lanes."""
 CHUNK_TILES = 16
@@ -30,6 +32,10 @@ CHUNK_TILES = 16
 
 FILLED = {"primitive_hit": "hit", "primitive_surface": "surface", "primitive_bounds": "box"}
 """Dispatch sockets, and the role of the module of each primitive kind that fills them."""
+
+
+SOCKETS = (shading, primitive_hit, raytrace.primitive_surface)
+"""What a machine without a linker must fill before it traces."""
 
 
 class RayTracer:
@@ -101,13 +107,7 @@ class RayTracer:
 
     def fillers(self) -> dict[str, Filler]:
         """What fills every socket: the user's modules, else ours; and for each primitive kind in use its own."""
-        filled: dict[str, Filler] = {"shading": diffuse_and_highlight}
-        for socket, role in FILLED.items():
-            filled[socket] = [
-                Case(kind.number, self._module(kind, role), kind.resolve("table"), kind.table_name)
-                for kind in self.packed.kinds
-            ]
-        return filled | self.modules
+        return default_fillers(self.packed.kinds, self._module) | self.modules
 
     def _module(self, kind: PrimitiveKind, role: str) -> Module:
         """The module of a kind in a role: a narrower one where all primitives have the flag that it asks for."""
@@ -131,14 +131,10 @@ class RayTracer:
         region = self.options.region
         places = pixel_places(region)
         started = perf_counter()
-        self.program.run(
-            [Items([places])],
-            len(places),
-            tables=self.tables(),
-            threads=self.options.threads,
-            chunk=TILE * TILE * max(1, CHUNK_TILES // self.options.samples),
-            progress=progress,
-        )
+        if self.options.machine == "python":
+            self._trace_plainly(places, progress)
+        else:
+            self._trace_packets(places, progress)
         self.seconds["render"] = perf_counter() - started
         return self.pixels()
 
@@ -149,6 +145,27 @@ class RayTracer:
         rows = self.memory.rows[place.base : place.base + place.count]
         return rows.reshape(region.height, region.width, 4)
 
+    def _trace_packets(self, places: np.ndarray, progress: Progress | None) -> None:
+        # Many samples make a pixel slow: small chunks keep progress, and Ctrl-C, prompt.
+        chunk = TILE * TILE * max(1, CHUNK_TILES // self.options.samples)
+        threads = self.options.threads
+        arguments = [Items([places])]
+        self.program.run(arguments, len(places), tables=self.tables(), threads=threads, chunk=chunk, progress=progress)
+
+    def _trace_plainly(self, places: np.ndarray, progress: Progress | None) -> None:
+        """Every pixel by the modules' own Python source, one after another: slow, and open to any Python debugger."""
+        from tasuki.language.plain import tables
+
+        fillers = self.fillers()
+        with ExitStack() as stack:
+            stack.enter_context(tables(self.tables()))
+            for socket in SOCKETS:
+                stack.enter_context(socket.filled(fillers[socket.name]))
+            for number, place in enumerate(places.tolist()):
+                raytrace.trace_pixel(place)
+                if progress:
+                    progress((number + 1) / len(places))
+
     def ray_counts(self) -> dict[str, int]:
         """Rays sent for the last picture."""
         counts = self.memory.table("ray_counts")
@@ -156,6 +173,18 @@ class RayTracer:
         eye = region.width * region.height * self.options.samples
         names = counts.dtype.names or ()
         return {"eye": eye} | {name: int(counts[name].sum(dtype=np.int64)) for name in names}
+
+
+def default_fillers(
+    kinds: Sequence[PrimitiveKind], module_of: Callable[[PrimitiveKind, str], Module] = PrimitiveKind.resolve
+) -> dict[str, Filler]:
+    """What fills the sockets of the ray tracer by default; dispatch sockets with cases for `kinds`."""
+    filled: dict[str, Filler] = {"shading": diffuse_and_highlight}
+    for socket, role in FILLED.items():
+        filled[socket] = [
+            Case(kind.number, module_of(kind, role), kind.resolve("table"), kind.table_name) for kind in kinds
+        ]
+    return filled
 
 
 def primitive_codes(packed: Packed) -> np.ndarray:
