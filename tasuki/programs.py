@@ -18,7 +18,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from tasuki.language.declare import Case, Module, Socket
+from tasuki.diagnostics import SourceError
+from tasuki.language.declare import Case, Module
+from tasuki.language.identity import Identities
 from tasuki.native import cache as disk
 from tasuki.native.compile import compile_object, host, lanes
 from tasuki.version import __version__
@@ -97,17 +99,20 @@ class _Request:
         self.width = self.options.width or lanes()
 
     def key(self) -> str | None:
-        """The name of the first level's entry; None where a module has no file that could be watched."""
-        modules = [self.entry, *(m for filler in self.fillers.values() for m in _modules(filler))]
-        if not all(Path(module.file).is_file() for module in modules):
+        """The name of the first level's entry; None where a module is wrong: building it will say all that is."""
+        identities = Identities()
+        try:
+            entry = identities.of(self.entry)
+            fillers = {name: _describe(filler, identities) for name, filler in sorted(self.fillers.items())}
+        except SourceError:
             return None
         parts = {
             "version": __version__,
             "package": package_digest(),
             "host": asdict(host()),
             "options": asdict(self.options) | {"width": self.width},
-            "entry": _identity(self.entry),
-            "fillers": {name: _describe(filler) for name, filler in sorted(self.fillers.items())},
+            "entry": entry,
+            "fillers": fillers,
         }
         return "program-" + hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -118,8 +123,6 @@ class _Request:
         if data is None:
             return None
         known = json.loads(data)
-        if any(_file_digest(file) != digest for file, digest in known["sources"].items()):
-            return None
         code = disk.read(known["object"])
         return Executable(code, Shape.from_json(known["shape"])) if code else None
 
@@ -141,8 +144,8 @@ class _Request:
             kernel.profiled,
         )
         object_key, code = compile_cached(kernel.text)
-        if key is not None and (sources := _user_sources(self.entry, self.fillers)) is not None:
-            known = {"sources": sources, "object": object_key, "shape": shape.to_json()}
+        if key is not None:
+            known = {"object": object_key, "shape": shape.to_json()}
             disk.write(key, json.dumps(known).encode())
         return Executable(code, shape)
 
@@ -179,55 +182,7 @@ def _scalars(type_: object) -> list[str] | None:
     return None if isinstance(type_, Table) else list(type_.leaves)
 
 
-def _modules(filler: Filler) -> list[Module]:
-    return [filler] if isinstance(filler, Module) else [case.module for case in filler]
-
-
-def _identity(module: Module) -> list[str]:
-    return [module.qualified_name, module.source_digest]
-
-
-def _describe(filler: Filler) -> list:
+def _describe(filler: Filler, identities: Identities) -> list:
     if isinstance(filler, Module):
-        return _identity(filler)
-    return [[case.number, *_identity(case.module), case.table_name] for case in filler]
-
-
-def _file_digest(file: str) -> str | None:
-    try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    except OSError:
-        return None
-
-
-def _user_sources(entry: Module, fillers: Mapping[str, Filler]) -> dict[str, str] | None:
-    """Digests of the files outside this package that the program comes from.
-
-    None where the files do not determine it: a notebook cell, or a constant that a file takes from somewhere else.
-    """
-    root = str(Path(__file__).parent)
-    sources: dict[str, str] = {}
-    for module in _reachable(entry, fillers):
-        if module.file.startswith(root):
-            continue
-        digest = _file_digest(module.file)
-        if digest is None:
-            return None
-        sources[module.file] = digest
-        text = Path(module.file).read_text(encoding="utf-8")
-        names = [name for _, name in module.check().constants]
-        if not all(re.search(rf"^{re.escape(name)}\s*(:[^=]+)?=", text, re.MULTILINE) for name in names):
-            return None
-    return sources
-
-
-def _reachable(entry: Module, fillers: Mapping[str, Filler]) -> list[Module]:
-    found: dict[str, Module] = {}
-    waiting = [entry, *(m for filler in fillers.values() for m in _modules(filler))]
-    while waiting:
-        module = waiting.pop()
-        if module.qualified_name in found:
-            continue
-        found[module.qualified_name] = module
-        waiting += [called for called in module.check().calls.values() if not isinstance(called, Socket)]
-    return list(found.values())
+        return identities.of(filler)
+    return [[case.number, identities.of(case.module), identities.of(case.table), case.table_name] for case in filler]

@@ -175,8 +175,8 @@ def test_a_branch_that_no_lane_takes_is_not_run(width):
 @module
 def partly_uniform(x: f32, k: i32) -> tuple[f32, i32]:
     values = array(f32, 3)
-    for i in range(k):
-        values[i] = x
+    for position in range(k):
+        values[position] = x
     return values[k], k * 2
 
 
