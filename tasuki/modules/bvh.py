@@ -107,9 +107,9 @@ def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32,
             for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
                 primitive = boxes[place].code
                 t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
-                if t < nearest or (t == nearest and primitive < hit):
-                    nearest = t
-                    hit = primitive
+                closer = t < nearest or (t == nearest and primitive < hit)
+                nearest = select(closer, t, nearest)
+                hit = select(closer, primitive, hit)
         walking = False
         while depth > 0 and not walking:
             depth -= 1
@@ -151,10 +151,13 @@ def shadow_intersection(origin: vec3, direction: vec3, left: i32, distance: f32)
                 break
         if code < 0:
             leaf = -1 - code
+            blocked = False
             for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
                 primitive = boxes[place].code
-                if primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive) < distance:
-                    return True
+                t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
+                blocked = blocked or t < distance
+            if blocked:
+                return True
         walking = depth > 0
         if walking:
             depth -= 1

@@ -14,7 +14,7 @@ MEDIAN_DEPTH = 36
 """From here on splits halve their range: 36 + log2(2**27 primitives) stays below the search's stack."""
 EMPTY = 3.0e38
 NODE_COST = 2.0
-"""What it costs to visit a node, in intersections of a primitive (measured: docs/benchmarks.md)."""
+"""What it costs to visit a node, in units of `Box.cost` (measured: docs/benchmarks.md)."""
 
 
 @record
@@ -75,34 +75,38 @@ def middle_range(first: i32, count: i32) -> tuple[vec3, vec3]:
 @module
 def best_split_along(first: i32, count: i32, axis: i32, low: f32, scale: f32) -> Split:
     """The cheapest of the divisions between bins along one axis; infinite cost if all boxes fall into one."""
-    counts = array(i32, BINS)
+    costs = array(f32, BINS)
     lows = array(vec3, BINS)
     highs = array(vec3, BINS)
-    right_areas = array(f32, BINS)
     for b in range(BINS):
         lows[b] = vec3(EMPTY)
         highs[b] = vec3(-EMPTY)
     for i in range(first, first + count):
         b = bin_of(i, axis, low, scale)
-        counts[b] = counts[b] + 1
+        costs[b] = costs[b] + boxes[i].cost
         lows[b] = min(lows[b], boxes[i].low)
         highs[b] = max(highs[b], boxes[i].high)
+    # From the right: what the bins k and above cost, before any bin below is looked at.
+    right_prices = array(f32, BINS)
     right_low = vec3(EMPTY)
     right_high = vec3(-EMPTY)
+    right_cost = 0.0
     for k in range(BINS - 1, 0, -1):
         right_low = min(right_low, lows[k])
         right_high = max(right_high, highs[k])
-        right_areas[k] = half_area(right_low, right_high)
+        right_cost += costs[k]
+        right_prices[k] = half_area(right_low, right_high) * right_cost
     best = Split(axis, 0, EMPTY)
     left_low = vec3(EMPTY)
     left_high = vec3(-EMPTY)
-    left_count = 0
+    left_cost = 0.0
     for k in range(1, BINS):
         left_low = min(left_low, lows[k - 1])
         left_high = max(left_high, highs[k - 1])
-        left_count += counts[k - 1]
-        cost = half_area(left_low, left_high) * f32(left_count) + right_areas[k] * f32(count - left_count)
-        if left_count > 0 and left_count < count and cost < best.cost:
+        left_cost += costs[k - 1]
+        cost = half_area(left_low, left_high) * left_cost + right_prices[k]
+        # The first and the last bin are never empty: each side gets at least one box.
+        if cost < best.cost:
             best = Split(axis, k, cost)
     return best
 
@@ -141,6 +145,15 @@ def bounds_of(first: i32, count: i32, slack: f32) -> tuple[vec3, vec3]:
 
 
 @module
+def cost_of(first: i32, count: i32) -> f32:
+    """What it costs to intersect a range of primitives."""
+    cost = 0.0
+    for i in range(first, first + count):
+        cost += boxes[i].cost
+    return cost
+
+
+@module
 def median(count: i32) -> i32:
     """Half of a range that cannot be divided by place; nothing, where it can be one leaf."""
     if count <= LEAF_SIZE:
@@ -166,7 +179,7 @@ def divide(range_: Range) -> i32:
         return median(range_.count)
     if range_.count <= LEAF_SIZE:
         box_low, box_high = bounds_of(range_.first, range_.count, 0.0)
-        if f32(range_.count) * half_area(box_low, box_high) <= NODE_COST * half_area(box_low, box_high) + best.cost:
+        if (cost_of(range_.first, range_.count) - NODE_COST) * half_area(box_low, box_high) <= best.cost:
             return 0
     scale = f32(BINS) * 0.9999 / (along(high, best.axis) - along(low, best.axis))
     return partition(range_.first, range_.count, best, along(low, best.axis), scale)

@@ -56,8 +56,7 @@ def exp2(x: f32) -> f32:
     # In two steps, since 2**128 itself is no f32.
     half = i32(whole) >> 1
     rest = i32(whole) - half
-    scale = from_bits((half + 127) << 23) * from_bits((rest + 127) << 23)
-    result = (p * f + 1.0) * scale
+    result = (p * f + 1.0) * from_bits((half + 127) << 23) * from_bits((rest + 127) << 23)
     if x < -126.0:
         result = 0.0
     return result
@@ -66,7 +65,7 @@ def exp2(x: f32) -> f32:
 @module
 def power(x: f32, y: f32) -> f32:
     """x to the power y for x >= 0, relative error below 2e-5; 0**0 is 1, and x < 0 counts as 0."""
-    result = exp2(y * log2(max(x, 1.0e-38)))
+    result = exp2(y * log2(max(x, 0.0)))
     if y == 0.0:
         result = 1.0
     elif x <= 0.0:

@@ -1,6 +1,6 @@
 """Object data initialisation (module 1): what the search must know of the primitives before the first ray."""
 
-from tasuki.language import i32, module, socket, vec3
+from tasuki.language import f32, i32, module, socket, vec3
 from tasuki.modules.records import Box, boxes
 
 
@@ -11,7 +11,7 @@ def primitive_bounds(kind: i32, index: i32) -> tuple[vec3, vec3]:
 
 
 @module(number=1, method="raytrace")
-def initialise_object(item: i32, code: i32):
-    """Enter the bounds of primitive `code` (index * 32 + kind) as box number `item`."""
+def initialise_object(item: i32, code: i32, cost: f32):
+    """Enter the bounds of primitive `code` (index * 32 + kind), and its cost, as box number `item`."""
     low, high = primitive_bounds(code & 31, code >> 5)
-    boxes[item] = Box(low, code, high)
+    boxes[item] = Box(low, code, high, cost)

@@ -161,11 +161,12 @@ class BVHNode:
 
 @record
 class Box:
-    """Bounds of one primitive, and its code: index * 32 + kind."""
+    """Bounds of one primitive, its code (index * 32 + kind), and what it costs to intersect (a triangle: 1)."""
 
     low: vec3
     code: i32
     high: vec3
+    cost: f32
 
 
 @record

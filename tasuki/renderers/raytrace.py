@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from time import perf_counter
 from typing import Any
@@ -18,10 +18,10 @@ from tasuki.modules.bvh import primitive_hit
 from tasuki.modules.shading import diffuse_and_highlight, shading
 from tasuki.programs import REPORT, Filler, Options, executable
 from tasuki.renderers.options import Region, RenderOptions
-from tasuki.scene.kinds import PrimitiveKind, resolve
+from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind
 from tasuki.scene.memory import Memory
 from tasuki.scene.model import Scene
-from tasuki.scene.pack import Packed, pack
+from tasuki.scene.pack import pack
 
 ERROR_BOUND = 2.0**-21
 """Of the fused slab test, relative to the largest coordinate: roundings of 2**-24 on distances of twice that size."""
@@ -53,6 +53,7 @@ class RayTracer:
         started = perf_counter()
         self.packed = pack(scene)
         self.memory = self._allocate()
+        self.kinds = [kind.narrowed(self.memory.table(kind.table_name)) for kind in self.packed.kinds]
         self._fill_view()
         self.nodes = self._build_bvh()
         # Compiling the builder is no part of building: a second scene would not wait for it.
@@ -87,11 +88,11 @@ class RayTracer:
 
     def _build_bvh(self) -> int:
         """Fill the tables "boxes" and "bvh_nodes"; the number of nodes."""
-        codes = primitive_codes(self.packed)
+        codes, costs = primitive_codes(self.kinds, self.packed.counts)
         if not len(codes):
             return 0
-        initialiser = self._compile(initialise.initialise_object, "number", "items")
-        initialiser.run([Number(), Items([codes])], len(codes), tables=self.tables())
+        initialiser = self._compile(initialise.initialise_object, "number", "items", "items")
+        initialiser.run([Number(), Items([codes]), Items([costs])], len(codes), tables=self.tables())
         boxes = self.memory.table("boxes")
         finite = np.concatenate([boxes["low"], boxes["high"], self.memory.table("views")["eye"]])
         scale = np.abs(finite[np.abs(finite) < 1e29]).max(initial=0.0)
@@ -107,15 +108,7 @@ class RayTracer:
 
     def fillers(self) -> dict[str, Filler]:
         """What fills every socket: the user's modules, else ours; and for each primitive kind in use its own."""
-        return default_fillers(self.packed.kinds, self._module) | self.modules
-
-    def _module(self, kind: PrimitiveKind, role: str) -> Module:
-        """The module of a kind in a role: a narrower one where all primitives have the flag that it asks for."""
-        records = self.memory.table(kind.table_name)
-        for narrow in kind.narrow:
-            if narrow.role == role and (records["flags"] & narrow.flag).all():
-                return resolve(narrow.module)
-        return kind.resolve(role)
+        return default_fillers(self.kinds) | self.modules
 
     def tables(self) -> dict[str, MemoryTable]:
         places = self.memory.tables
@@ -175,22 +168,21 @@ class RayTracer:
         return {"eye": eye} | {name: int(counts[name].sum(dtype=np.int64)) for name in names}
 
 
-def default_fillers(
-    kinds: Sequence[PrimitiveKind], module_of: Callable[[PrimitiveKind, str], Module] = PrimitiveKind.resolve
-) -> dict[str, Filler]:
+def default_fillers(kinds: Sequence[PrimitiveKind]) -> dict[str, Filler]:
     """What fills the sockets of the ray tracer by default; dispatch sockets with cases for `kinds`."""
     filled: dict[str, Filler] = {"shading": diffuse_and_highlight}
     for socket, role in FILLED.items():
         filled[socket] = [
-            Case(kind.number, module_of(kind, role), kind.resolve("table"), kind.table_name) for kind in kinds
+            Case(kind.number, kind.resolve(role), kind.resolve("table"), kind.table_name) for kind in kinds
         ]
     return filled
 
 
-def primitive_codes(packed: Packed) -> np.ndarray:
-    """index * 32 + kind of every primitive, int32."""
-    parts = [np.arange(packed.counts[kind.name], dtype=np.int32) * 32 + kind.number for kind in packed.kinds]
-    return np.concatenate([np.zeros(0, np.int32), *parts])
+def primitive_codes(kinds: Sequence[PrimitiveKind], counts: Mapping[str, int]) -> tuple[np.ndarray, np.ndarray]:
+    """index * 32 + kind of every primitive, int32; and what each costs to intersect, float32."""
+    codes = [np.arange(counts[kind.name], dtype=np.int32) * MOST_KINDS + kind.number for kind in kinds]
+    costs = [np.full(counts[kind.name], kind.cost, np.float32) for kind in kinds]
+    return np.concatenate([np.zeros(0, np.int32), *codes]), np.concatenate([np.zeros(0, np.float32), *costs])
 
 
 def pixel_places(region: Region) -> np.ndarray:

@@ -80,8 +80,7 @@ def render(
     fillers = _resolve(modules or {})
     tell = progress or (lambda doing, share: None)
     tell("loading", None)
-    loaded, file = _load(scene)
-    loading = perf_counter() - started
+    loaded, loading = _load(scene)
     options = options or options_for(loaded.camera.resolution)
     tell("preparing", None)
     try:
@@ -89,7 +88,7 @@ def render(
     except MemoryError:
         message = f"not enough memory for {options.region.width} x {options.region.height} pixels and the scene"
         raise SceneError(str(Diagnostic(message, hint="render it in parts, with a region"))) from None
-    picture.stats["scene"]["file"] = file
+    picture.stats["scene"]["file"] = None if loaded is scene else str(scene)
     picture.stats["seconds"] |= {"load": loading, "total": perf_counter() - started}
     return picture
 
@@ -116,12 +115,14 @@ def _check_known(what: str, name: str, known: Mapping[str, bool]) -> None:
         raise SceneError(str(Diagnostic(message, expected=available, found=name)))
 
 
-def _load(scene: Scene | str | Path) -> tuple[Scene, str | None]:
+def _load(scene: Scene | str | Path) -> tuple[Scene, float]:
+    """The scene, and the seconds that reading it took; importing what reads it is not counted."""
     if not isinstance(scene, str | Path):
-        return scene, None
+        return scene, 0.0
     from tasuki.scene.importers import load_scene
 
-    return load_scene(scene), str(scene)
+    started = perf_counter()
+    return load_scene(scene), perf_counter() - started
 
 
 # --- modules that fill sockets ----------------------------------------------------------------------------------------

@@ -22,11 +22,12 @@ MOST_KINDS = 32
 
 @dataclass(frozen=True)
 class Narrow:
-    """A module that may stand for the kind's own in `role` where every primitive has the flag `flag`; given by name."""
+    """A module, by name, that may stand for the kind's own in `role` where every primitive has `flag`; and its cost."""
 
     role: str
     flag: int
     module: str
+    cost: float
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ class PrimitiveKind:
 
     `table` is the table that holds its records. The modules that fill the sockets of the search are `hit` (the first
     visible crossing of a ray), `surface` (normals and attribute at a point) and `box` (bounds). A *solid* has an inside
-    (`inside`, its IN/OUT module) and may be an operand of set operations; a *surface* has none. `number` is what the
+    (`inside`, its IN/OUT module) and may be an operand of set operations; a *surface* has none. `cost` is that of `hit`
+    in units of a triangle's. `number` is what the
     field `kind` of a record holds; `register` gives it.
     """
 
@@ -46,6 +48,7 @@ class PrimitiveKind:
     surface: Any
     box: Any
     inside: Any = None
+    cost: float = 1.0
     narrow: tuple[Narrow, ...] = ()
     number: int = -1
 
@@ -53,6 +56,13 @@ class PrimitiveKind:
         """The object in field `role` ("table", "hit", ...), imported where it is given by name."""
         value = getattr(self, role)
         return resolve(value) if isinstance(value, str) else value
+
+    def narrowed(self, records: Any) -> PrimitiveKind:
+        """The kind as it may stand for `records`, a structured array: with the narrower modules that do for all."""
+        for one in self.narrow:
+            if (records["flags"] & one.flag).all():
+                return replace(self, **{one.role: one.module, "cost": one.cost})
+        return self
 
     @property
     def record(self) -> Any:
@@ -104,7 +114,7 @@ def resolve(name: str) -> Any:
         raise SceneError(f"error: cannot find {name!r}: {error}") from error
 
 
-def _builtin(name: str, sort: Literal["solid", "surface"]) -> PrimitiveKind:
+def _builtin(name: str, sort: Literal["solid", "surface"], cost: float = 1.0) -> PrimitiveKind:
     modules = f"tasuki.modules.{name}"
     return PrimitiveKind(
         name=name,
@@ -114,16 +124,17 @@ def _builtin(name: str, sort: Literal["solid", "surface"]) -> PrimitiveKind:
         surface=f"{modules}:{name}_surface",
         box=f"{modules}:{name}_bounds",
         inside=f"{modules}:{name}_inside" if sort == "solid" else None,
+        cost=cost,
     )
 
 
-_SPHERES = Narrow("hit", UNIT_MATRIX, "tasuki.modules.quadric:sphere_hit")
+_SPHERES = Narrow("hit", UNIT_MATRIX, "tasuki.modules.quadric:sphere_hit", cost=0.5)
 """A general quadric's code beside a sphere's costs registers, even where no primitive ever reaches it."""
 
 for _kind in (
     _builtin("plane", "solid"),
-    replace(_builtin("quadric", "solid"), narrow=(_SPHERES,)),
-    _builtin("cone", "surface"),
+    replace(_builtin("quadric", "solid", cost=2.0), narrow=(_SPHERES,)),
+    _builtin("cone", "surface", cost=2.0),
     _builtin("triangle", "surface"),
     _builtin("quad", "surface"),
 ):

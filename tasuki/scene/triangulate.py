@@ -15,7 +15,7 @@ BACKWARD = -1e-12
 """How far a fan's triangle may turn the wrong way, in units of the polygon's area: rounding of a straight angle."""
 
 PLANAR = 1e-6
-"""How far the corners of a flat quadrilateral may lie from a plane, in units of its size: rounding of its coordinates."""
+"""How far the corners of a flat quadrilateral may lie from a plane, in units of its size: rounded coordinates."""
 
 FLAT = 1e-12
 """Triangles with less than this share of the polygon's area are left out: they stand at straight angles."""
