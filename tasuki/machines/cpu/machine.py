@@ -109,7 +109,7 @@ class Executable:
         run = _Run(self.shape, arguments, items, tables or {}, chunk)
         if self.shape.profiled:
             threads = 1
-        self._run_threads(run.context, threads, progress)
+        self._run_threads(run, threads, progress)
         self.profile = run.profile()
         run.raise_error()
         return run.results()
@@ -130,25 +130,34 @@ class Executable:
         run.raise_error()
         return least
 
-    def _run_threads(self, context: np.ndarray, threads: int, progress: Progress | None) -> None:
-        workers = [
-            threading.Thread(target=self._launch, args=(context.ctypes.data,), daemon=True) for _ in range(threads)
-        ]
+    def _run_threads(self, run: _Run, threads: int, progress: Progress | None) -> None:
+        ended: list[int] = []
+        one_ended = threading.Event()
+
+        def work(number: int) -> None:
+            # As long as this frame lives it keeps the memory of `run`, into which compiled code may still write.
+            self._launch(run.context.ctypes.data)
+            ended.append(number)
+            one_ended.set()
+
+        # No Thread.join: interrupted by Ctrl-C, CPython 3.11's takes a thread that still runs for one that has ended.
+        begun = 0
         started = time.perf_counter()
         try:
-            for worker in workers:
-                worker.start()
-            for worker in workers:
-                while worker.is_alive():
-                    worker.join(POLL_SECONDS)
-                    if progress and time.perf_counter() - started > POLL_SECONDS:
-                        progress(_share(context))
+            for number in range(threads):
+                threading.Thread(target=work, args=(number,), daemon=True).start()
+                begun += 1
+            while len(ended) < begun:
+                one_ended.wait(POLL_SECONDS)
+                one_ended.clear()
+                if progress and time.perf_counter() - started > POLL_SECONDS:
+                    progress(_share(run.context))
         finally:
-            # Whatever interrupts us, no thread may go on writing into memory that is about to be given back.
-            context[STOP] = 1
-            for worker in workers:
-                if worker.ident is not None:
-                    worker.join()
+            # Whatever interrupts us, no thread may go on writing into tables that are about to be read.
+            run.context[STOP] = 1
+            while len(ended) < begun:
+                one_ended.wait(POLL_SECONDS)
+                one_ended.clear()
 
 
 def _share(context: np.ndarray) -> float:
