@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import sys
 import time
 import traceback
@@ -48,11 +49,18 @@ WithFiles = Annotated[
 
 def main() -> None:
     """What `tasuki` runs."""
+    # The commands handle what goes wrong in them; this is for what happens before and after.
     try:
         app()
     except KeyboardInterrupt:
-        # Outside the commands, which handle it themselves.
         sys.exit(INTERRUPTED)
+    except OSError as error:
+        _abandon_output()
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(WRONG)
+    finally:
+        # We are leaving: a second Ctrl-C would only change the exit code.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
@@ -60,12 +68,13 @@ def reported(debug: bool = False) -> Iterator[None]:
     """Whatever goes wrong inside becomes a message on standard error and an exit code; with `debug` a traceback."""
     try:
         yield
-        sys.stdout.flush()
+        if sys.stdout:
+            sys.stdout.flush()
     except typer.Exit:
         raise
     except BrokenPipeError:
-        # Whoever read our output has gone. Python would complain once more when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # Whoever read our output has gone: no fault of ours, nor one to tell.
+        _abandon_output()
         raise typer.Exit(BROKEN_PIPE) from None
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
@@ -75,10 +84,18 @@ def reported(debug: bool = False) -> Iterator[None]:
             traceback.print_exc()
         elif isinstance(error, TasukiError):
             print(error, file=sys.stderr)
+        elif isinstance(error, OSError):
+            _abandon_output()
+            print(f"error: {error}", file=sys.stderr)
         else:
             reason = " ".join(f"{type(error).__name__}: {error}".split())
             print(f"internal error: {reason}; run with --debug to see where", file=sys.stderr)
         raise typer.Exit(WRONG) from None
+
+
+def _abandon_output() -> None:
+    """What could not be written to standard output is given up, so that Python does not try, and complain, at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def _version(wanted: bool) -> None:

@@ -450,6 +450,16 @@ def test_ctrl_c_while_loading(folder: Path, monkeypatch: pytest.MonkeyPatch):
     assert not (folder / "scene.png").exists()
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a device that is always full")
+@pytest.mark.parametrize("arguments", [["schema"], ["--version"], ["render", "--help"]])
+def test_output_that_cannot_be_written(arguments: list[str]):
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "tasuki", *arguments]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert result.returncode == 2
+    assert result.stderr.splitlines() == ["error: [Errno 28] No space left on device"]
+
+
 def test_a_reader_that_goes_away_is_no_fault():
     command = [sys.executable, "-m", "tasuki", "schema"]
     reading, writing = os.pipe()
