@@ -64,7 +64,10 @@ def exp2(x: f32) -> f32:
 
 @module
 def power(x: f32, y: f32) -> f32:
-    """x to the power y for x >= 0, relative error below 2e-5; 0**0 is 1, and x < 0 counts as 0."""
+    """x to the power y for x >= 0, relative error below 2e-5 where the result is normal.
+
+    0 to the power 0 is 1, to any other it is 0; x < 0 counts as 0.
+    """
     result = exp2(y * log2(max(x, 0.0)))
     if y == 0.0:
         result = 1.0
