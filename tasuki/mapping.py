@@ -1,7 +1,8 @@
 """Every module is also a function over arrays: `module.map(origins, directions, machine="cpu")`.
 
 An argument of a scalar parameter has shape (n,), of a vec3 (n, 3), of a mat4 (n, 4, 4) (row, column), of a record a
-structured array of `Record.numpy_dtype()` or a mapping from field names to arrays; without the first dimension it is the
+structured array of `Record.numpy_dtype()` or a mapping from field names to arrays; without the first dimension it is
+the
 same for all n items. Imported by `tasuki/__init__`, which installs `Module.map`, and by the renderers.
 """
 

@@ -110,7 +110,9 @@ def _columns(m: Vec) -> list[Vec]:
 
 
 def _circular(x: Term, quarter: int) -> Term:
-    """sin(x + quarter * pi/2): x less the nearest multiple of pi/2 in three exact-product terms, then Cephes' polynomials."""
+    """sin(x + quarter * pi/2): x less the nearest multiple of pi/2 in three exact-product terms, then Cephes'
+    polynomials.
+    """
     n = (x * 0.63661977236758134 + 0.5).op("floor")
     # The leading terms have so few bits that n times each is exact for |n| < 2**13 (Cody and Waite 1980).
     r = ((x - n * 1.5703125) - n * 4.837512969970703125e-4) - n * 7.54978995489188216e-8

@@ -1,7 +1,8 @@
 """The nodes of the IR: pure expressions, statements with effects, functions, sockets, programs.
 
 Frozen, typed, and with the span of the source that they come from (spans never take part in equality). Structured: no
-jumps but `Break`, `Continue` and `Return`; variables are mutable and belong to their function. See `tasuki/ir/__init__.py`
+jumps but `Break`, `Continue` and `Return`; variables are mutable and belong to their function. See
+`tasuki/ir/__init__.py`
 for what they mean and `verify` for what must hold.
 """
 
@@ -161,7 +162,9 @@ class Atomic(Node):
 
 @dataclass(frozen=True)
 class Call(Node):
-    """`target` (or nothing) becomes the result of `function` (a key of `Program.functions`, or a socket not yet linked)."""
+    """`target` (or nothing) becomes the result of `function` (a key of `Program.functions`, or a socket not yet
+    linked).
+    """
 
     target: str | None
     function: str
@@ -177,7 +180,8 @@ class If(Node):
 
 @dataclass(frozen=True)
 class Loop(Node):
-    """`while`: (setup; if not test: leave; body; step) again and again. `Continue` goes on with step, `Break` leaves."""
+    """`while`: (setup; if not test: leave; body; step) again and again. `Continue` goes on with step, `Break` leaves.
+    """
 
     test: Expression
     body: tuple[Statement, ...]

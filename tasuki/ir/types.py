@@ -23,7 +23,8 @@ class Type:
 
     @property
     def members(self) -> tuple[tuple[str, Type], ...]:
-        """What `Member` can select: fields of a record, components of a vector, items of a tuple, columns of a matrix."""
+        """What `Member` can select: fields of a record, components of a vector, items of a tuple, columns of a matrix.
+        """
         return ()
 
     def member(self, name: str) -> Type | None:
@@ -120,7 +121,9 @@ class Tuple(Type):
 
 @dataclass(frozen=True)
 class Array(Type):
-    """A local array of fixed length; its elements are zero where nothing was written. Never passed, returned or copied."""
+    """A local array of fixed length; its elements are zero where nothing was written. Never passed, returned or
+    copied.
+    """
 
     item: Type
     length: int

@@ -1,1 +1,3 @@
-"""Modules: the algorithms, written in the Tasuki language. One small function each, under the paper's numbers where it has one."""
+"""Modules: the algorithms, written in the Tasuki language. One small function each, under the paper's numbers where it
+has one.
+"""

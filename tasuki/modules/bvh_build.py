@@ -1,7 +1,8 @@
 """Building the bounding volume hierarchy by the binned surface area heuristic. Runs on one lane.
 
 I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. The boxes (`records.boxes`) are sorted in
-place; `records.bvh_nodes` receives one node less than there are boxes. A split that would make the tree too deep for the
+place; `records.bvh_nodes` receives one node less than there are boxes. A split that would make the tree too deep for
+the
 search's stack is replaced by one at the median.
 """
 
@@ -13,13 +14,14 @@ LEAF_SIZE = LEAF_MASK + 1
 MEDIAN_DEPTH = 36
 """From here on splits halve their range: 36 + log2(2**27 primitives) stays below the search's stack."""
 EMPTY = 3.0e38
-NODE_COST = 2.0
+NODE_COST = 1.5
 """What it costs to visit a node, in units of `Box.cost` (measured: docs/benchmarks.md)."""
 
 
 @record
 class Range:
-    """Work to do: boxes first .. first + count - 1 belong under a node; `slot` is 2 * node + (1 for its right child)."""
+    """Work to do: boxes first .. first + count - 1 belong under a node; `slot` is 2 * node + (1 for its right child).
+    """
 
     first: i32
     count: i32

@@ -17,7 +17,9 @@ GOLDEN_Y = 0.5698402909980532
 
 @socket(dispatch=True)
 def primitive_surface(kind: i32, index: i32, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
-    """At a point of a primitive that this ray has hit: the unit normals of the geometry and for shading; the attribute."""
+    """At a point of a primitive that this ray has hit: the unit normals of the geometry and for shading; the
+    attribute.
+    """
     ...
 
 

@@ -19,7 +19,9 @@ def shading(attribute: Attribute, normal: vec3, direction: vec3, to_light: vec3,
 def diffuse_and_highlight(
     attribute: Attribute, normal: vec3, direction: vec3, to_light: vec3, light_colour: vec3
 ) -> vec3:
-    """Lambert's diffuse component and Phong's highlight (B. T. Phong, "Illumination for Computer Generated Pictures", 1975)."""
+    """Lambert's diffuse component and Phong's highlight (B. T. Phong, "Illumination for Computer Generated Pictures",
+    1975).
+    """
     diffuse = attribute.diffuse * max(dot(normal, to_light), 0.0)
     highlight = 0.0
     if attribute.specular > 0.0:

@@ -1,4 +1,5 @@
-"""Triangles with smooth normals: intersection and what the search needs of the kind. A surface: it has no IN and OUT."""
+"""Triangles with smooth normals: intersection and what the search needs of the kind. A surface: it has no IN and OUT.
+"""
 
 from tasuki.language import cross, dot, f32, i32, max, min, module, normalize, select, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing

@@ -15,7 +15,8 @@ from tasuki.diagnostics import SceneError
 from tasuki.scene.source import suggestion
 
 UNIT_MATRIX = 4
-"""Flag of a quadric whose matrix is the unit matrix, without linear term: a sphere (`SPHERE` in the modules' records)."""
+"""Flag of a quadric whose matrix is the unit matrix, without linear term: a sphere (`SPHERE` in the modules' records).
+"""
 MOST_KINDS = 32
 """A primitive's code is its index * 32 + its kind."""
 

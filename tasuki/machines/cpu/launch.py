@@ -1,7 +1,8 @@
 """The entry of a compiled program: threads take chunks of items, and each chunk runs packet by packet.
 
 `void launch(ptr context)` may be called by several threads at once. A parameter of the entry module is bound in one of
-three ways (`Binding`): an array with an element for each item, one value for all items, or the item's own number. Arrays
+three ways (`Binding`): an array with an element for each item, one value for all items, or the item's own number.
+Arrays
 hold one leaf each (structure of arrays) and are padded to whole packets, so that packets load and store whole vectors.
 """
 

@@ -1,11 +1,14 @@
 """IR -> LLVM text: each specialisation of a module becomes one LLVM function over a packet of lanes.
 
-Read `lower_program` first. A lowered function receives the context, the mask of active lanes, the leaves of its arguments,
+Read `lower_program` first. A lowered function receives the context, the mask of active lanes, the leaves of its
+arguments,
 and the tables that it and its callees name; LLVM inlines them all into the entry, or (for a profile) none.
 
 Masks follow a small vocabulary. A *scope* is a region whose lanes may differ from those around it: the function itself,
-a branch on a varying condition, a loop that lanes leave one by one. Each scope has a mask in a stack slot and a label at
-its end. A jump that only some lanes take clears them from every scope that it leaves; as soon as a scope is empty control
+a branch on a varying condition, a loop that lanes leave one by one. Each scope has a mask in a stack slot and a label
+at
+its end. A jump that only some lanes take clears them from every scope that it leaves; as soon as a scope is empty
+control
 goes to its end, so that nothing is ever executed with no lane active.
 """
 
@@ -48,7 +51,9 @@ class Lowered:
 
 
 def lower_program(program: ir.Program, pattern: Pattern, width: int, *, checked: bool, profile: bool) -> Lowered:
-    """Lower the entry of a (verified) program for arguments whose leaves vary as `pattern` says, and all that it calls."""
+    """Lower the entry of a (verified) program for arguments whose leaves vary as `pattern` says, and all that it
+    calls.
+    """
     module = ModuleLowering(program, width, Checker(checked), ProfileCounters(profile))
     entry = module.function(program.entry, pattern)
     variance = module.analysis.analyse(program.entry, pattern)
@@ -82,7 +87,9 @@ class ModuleLowering:
 
 @dataclass
 class Scope:
-    """A region whose set of active lanes is its own. `mask` is the slot that holds it, `end` the label where it closes."""
+    """A region whose set of active lanes is its own. `mask` is the slot that holds it, `end` the label where it
+    closes.
+    """
 
     mask: str
     end: str

@@ -1,6 +1,7 @@
 """Access to tables and local arrays, checked and unchecked.
 
-A uniform index becomes scalar loads. A varying one becomes a gather, but where two or more words of a row are wanted each
+A uniform index becomes scalar loads. A varying one becomes a gather, but where two or more words of a row are wanted
+each
 lane's whole row is loaded at once (a row is 16 aligned bytes) and the rows are transposed: one row load and half a
 shuffle per lane beat two gathers on every machine that we measured.
 """
@@ -259,7 +260,8 @@ def _load_word(e: Emitter, table: TableValue, index: Leaf, leaf: int) -> Leaf:
 
 
 def _word_addresses(e: Emitter, table: TableValue, index: Leaf, leaf: int) -> str:
-    """Vector of pointers; offsets stay 32 bits wide (a memory image has fewer than 2**31 words), as gathers want them."""
+    """Vector of pointers; offsets stay 32 bits wide (a memory image has fewer than 2**31 words), as gathers want them.
+    """
     stride = e.broadcast(e.constant(table.record.rows * BANKS, "i32"))
     words = lower_primitive(e, "multiply", [index, stride])
     offset = e.broadcast(e.constant(_word_offset(table, leaf), "i32"))

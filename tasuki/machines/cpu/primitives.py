@@ -1,6 +1,7 @@
 """Every primitive operation of `ir.ops`, as LLVM instructions: one function each, looked up by the operation's name.
 
-Arguments arrive as leaves of equal variance (all scalars or all vectors) except in `select`. No fast-math flag, ever: the
+Arguments arrive as leaves of equal variance (all scalars or all vectors) except in `select`. No fast-math flag, ever:
+the
 bits are the interpreter's. Every instruction is safe in inactive lanes too, whatever they hold.
 """
 
@@ -106,7 +107,8 @@ def _division(wants_quotient: bool) -> Lowering:
 
 
 def _floor_division(e: Emitter, a: Leaf, b: Leaf, wants_quotient: bool) -> Leaf:
-    """a // b or a % b. LLVM leaves division by zero, and of the least i32 by -1, undefined: both divide by 1 instead."""
+    """a // b or a % b. LLVM leaves division by zero, and of the least i32 by -1, undefined: both divide by 1 instead.
+    """
     type_ = e.type_of("i32", a.varying)
     zero, one, minus_one = (_same(e, a, n) for n in (0, 1, -1))
     by_zero = _compare("oeq", "eq")(e, b, zero)
