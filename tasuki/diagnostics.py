@@ -1,7 +1,7 @@
 """What every layer says when something is wrong: spans, diagnostics, caret drawing, and the exception tree.
 
-Imported by everyone; imports nothing of the package. An error that reaches a user is a `TasukiError`; its text names the
-file, the place, what was expected and what was found. Columns are counted in characters, never in bytes.
+Imported by everyone; imports nothing of the package. An error that reaches a user is a `TasukiError`; its text names
+the file, the place, what was expected and what was found. Columns are counted in characters, never in bytes.
 """
 
 from __future__ import annotations
@@ -102,7 +102,8 @@ class VerifyError(TasukiError):
 
 def _draw(span: Span, source: str | None) -> list[str]:
     """The source line of `span` with carets under it, or nothing where the text is not to be had."""
-    line = source.splitlines()[span.line - 1 : span.line] if source is not None else [linecache.getline(span.file, span.line)]
+    lines = source.splitlines() if source is not None else linecache.getlines(span.file)
+    line = lines[span.line - 1 : span.line]
     if not line or not line[0].strip():
         return []
     text = line[0].rstrip("\n").replace("\t", " ")

@@ -2,8 +2,7 @@
 
 An argument of a scalar parameter has shape (n,), of a vec3 (n, 3), of a mat4 (n, 4, 4) (row, column), of a record a
 structured array of `Record.numpy_dtype()` or a mapping from field names to arrays; without the first dimension it is
-the
-same for all n items. Imported by `tasuki/__init__`, which installs `Module.map`, and by the renderers.
+the same for all n items. Imported by `tasuki/__init__`, which installs `Module.map`, and by the renderers.
 """
 
 from __future__ import annotations
@@ -42,8 +41,8 @@ def map_module(
     """Apply a module to every element of arrays; an array, or a tuple of them, as the module's result is.
 
     `fill` fills the sockets that it reaches, `tables` binds named tables to structured arrays (which it may change).
-    `machine`: "cpu" (SIMD machine code, `threads` threads, packets of `width` lanes), "interpreter" (the definition; also
-    in `precision` float64) or "python" (item by item, in CPython). Raises TasukiError where arguments do not fit.
+    `machine`: "cpu" (SIMD machine code, `threads` threads, packets of `width` lanes), "interpreter" (the definition;
+    also in `precision` float64) or "python" (item by item, in CPython). Raises TasukiError where arguments do not fit.
     """
     call = _Call(module, _in_order(module, arguments, named), tables or {})
     if machine == "cpu":

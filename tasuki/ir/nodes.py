@@ -2,8 +2,7 @@
 
 Frozen, typed, and with the span of the source that they come from (spans never take part in equality). Structured: no
 jumps but `Break`, `Continue` and `Return`; variables are mutable and belong to their function. See
-`tasuki/ir/__init__.py`
-for what they mean and `verify` for what must hold.
+`tasuki/ir/__init__.py` for what they mean and `verify` for what must hold.
 """
 
 from __future__ import annotations

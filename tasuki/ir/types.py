@@ -121,8 +121,7 @@ class Tuple(Type):
 
 @dataclass(frozen=True)
 class Array(Type):
-    """A local array of fixed length; its elements are zero where nothing was written. Never passed, returned or
-    copied.
+    """A local array of fixed length; its elements are zero where nothing was written. Never passed, returned or copied.
     """
 
     item: Type

@@ -1,9 +1,8 @@
 """Building the bounding volume hierarchy by the binned surface area heuristic. Runs on one lane.
 
-I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. The boxes (`records.boxes`) are sorted in
-place; `records.bvh_nodes` receives one node less than there are boxes. A split that would make the tree too deep for
-the
-search's stack is replaced by one at the median.
+I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007. The boxes (`records.boxes`) are sorted
+in place; `records.bvh_nodes` receives one node less than there are boxes. A split that would make the tree too deep for
+the search's stack is replaced by one at the median.
 """
 
 from tasuki.language import array, f32, i32, max, min, module, record, vec3

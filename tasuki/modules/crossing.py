@@ -31,5 +31,6 @@ def quadratic_crossings(a: f32, b: f32, c: f32) -> tuple[f32, f32]:
     (W. H. Press et al., *Numerical Recipes*, section 5.6). With c = 0 one root is exactly 0.
     """
     q = -(b + copysign(sqrt(b * b - a * c), b))
-    rising = b < 0.0
+    # Where b < 0, and where b is a zero with its sign set.
+    rising = q > 0.0
     return select(rising, c / q, q / a), select(rising, q / a, c / q)

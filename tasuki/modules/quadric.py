@@ -89,8 +89,7 @@ def quadric_bounds(quadric: Quadric) -> tuple[vec3, vec3]:
     """The box of an ellipsoid; the box of everything for any other quadric.
 
     Completing the square moves the centre to p - Q^-1 l / 2 and r to r + l^T Q^-1 l / 4; along axis i an ellipsoid
-    reaches
-    sqrt(r (Q^-1)_ii). The box is widened by what rounding may do to Q^-1, which grows with Q's condition.
+    reaches sqrt(r (Q^-1)_ii). The box is widened by what rounding may do to Q^-1, which grows with Q's condition.
     """
     column1 = cross(quadric.q2, quadric.q3)
     column2 = cross(quadric.q3, quadric.q1)

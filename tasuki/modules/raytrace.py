@@ -17,8 +17,7 @@ GOLDEN_Y = 0.5698402909980532
 
 @socket(dispatch=True)
 def primitive_surface(kind: i32, index: i32, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
-    """At a point of a primitive that this ray has hit: the unit normals of the geometry and for shading; the
-    attribute.
+    """At a point of a primitive that this ray has hit: the unit normals of the geometry and for shading; the attribute.
     """
     ...
 
@@ -118,7 +117,8 @@ def trace(view: View, eye_direction: vec3) -> Traced:
 def sample_offset(sample: i32, step: f32) -> f32:
     """Place of a sample within its pixel, 0..1 along one axis; the first is the middle.
 
-    Multiples of the plastic number's powers (M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+    Multiples of the plastic number's powers (M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences",
+    2018).
     """
     shifted = 0.5 + f32(sample) * step
     return shifted - floor(shifted)

@@ -1,8 +1,8 @@
 """The records of the four-bank memory (paper, Figures 7 and 8), and the named tables that hold them.
 
 The first row of every primitive is the same: kind, attribute, matrix, flags. Pointers to records of one table are
-indices
-into it. Words that the paper leaves free carry our additions: flags, the highlight's exponent, a quadric's linear term.
+indices into it. Words that the paper leaves free carry our additions: flags, the highlight's exponent, a quadric's
+linear term.
 """
 
 from tasuki.language import Table, f32, i32, record, vec3
@@ -85,8 +85,7 @@ class Triangle:
 
 @record
 class Quad:
-    """A flat convex quadrilateral: corners counterclockwise as seen from the front, and a normal of any length at
-    each.
+    """A flat convex quadrilateral: corners counterclockwise as seen from the front, and a normal of any length at each.
     """
 
     kind: i32

@@ -1,6 +1,6 @@
 """Light on a surface: diffuse and highlight components (module 3), and luminance accumulation (module 7)."""
 
-from tasuki.language import dot, f32, max, module, socket, vec3
+from tasuki.language import dot, max, module, socket, vec3
 from tasuki.modules.directions import reflection_direction
 from tasuki.modules.elementary import power
 from tasuki.modules.records import Attribute

@@ -11,8 +11,8 @@ def edge_volume(p: vec3, q: vec3, direction: vec3) -> f32:
     """Six times the volume between a ray and an edge from p to q, both relative to the ray's origin.
 
     Positive where a ray that meets the polygon's front passes inside. An edge shared by two polygons gives both exactly
-    the same number with opposite sign, so that no ray slips between them (J. Amanatides, K. Choi, "Ray Tracing Triangular
-    Meshes", 1997).
+    the same number with opposite sign, so that no ray slips between them (J. Amanatides, K. Choi, "Ray Tracing
+    Triangular Meshes", 1997).
     """
     return dot(direction, cross(q, p))
 

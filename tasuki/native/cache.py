@@ -1,8 +1,7 @@
 """A cache on disk of what was expensive to make. Entries are checked when read; a broken one counts as absent.
 
 Several processes may share the folder: an entry is written aside and renamed into place, whole or not at all. The
-folder
-is `$TASUKI_CACHE`, or `tasuki` in the user's cache folder; where it cannot be written nothing is kept, silently.
+folder is `$TASUKI_CACHE`, or `tasuki` in the user's cache folder; where it cannot be written nothing is kept, silently.
 """
 
 from __future__ import annotations

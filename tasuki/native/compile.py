@@ -1,8 +1,7 @@
 """Compile textual LLVM to object code for this processor, and load object code.
 
 No -O2: inlining of what asks for it, SROA, CFG simplification and instruction combining give the whole speed of code
-that
-was vectorised by its author, in a fraction of the compile time.
+that was vectorised by its author, in a fraction of the compile time.
 """
 
 from __future__ import annotations
@@ -39,8 +38,7 @@ def host() -> Host:
 
 @cache
 def lanes() -> int:
-    """The best packet width on this processor: 16 with AVX-512 or AVX2 (as two halves: measured faster than 8), else
-    8.
+    """The best packet width on this processor: 16 with AVX-512 or AVX2 (as two halves: measured faster than 8), else 8.
     """
     features = host().features.split(",")
     return 16 if "+avx512f" in features or "+avx2" in features else 8

@@ -28,7 +28,8 @@ class RenderOptions:
     """How a scene is rendered. Raises SceneError with what was expected and found.
 
     `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0:
-    one for each processor. `unchecked`: users' modules run without checks of their accesses to tables. `machine`: "cpu" or "python".
+    one for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
+    `machine`: "cpu" or "python".
     """
 
     width: int = 512

@@ -62,7 +62,8 @@ class PrimitiveKind:
         """The kind as it may stand for `records`, a structured array: with the narrower modules that do for all."""
         for one in self.narrow:
             if (records["flags"] & one.flag).all():
-                return replace(self, **{one.role: one.module, "cost": one.cost})
+                changes: dict[str, Any] = {one.role: one.module, "cost": one.cost}
+                return replace(self, **changes)
         return self
 
     @property

@@ -179,6 +179,11 @@ class Emitter:
         return "<" + ", ".join(f"i32 {lane}" for lane in range(self.width)) + ">"
 
 
+def result_type(e: Emitter, shape: Sequence[tuple[str, bool]]) -> str:
+    """The aggregate that a lowered function returns: (scalar, varying) of each leaf."""
+    return "{" + ", ".join(e.type_of(scalar, varying) for scalar, varying in shape) + "}"
+
+
 def constant_text(value: float | int | bool, scalar: str) -> str:
     if scalar == "f32":
         with np.errstate(over="ignore"):

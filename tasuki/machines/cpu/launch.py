@@ -2,8 +2,8 @@
 
 `void launch(ptr context)` may be called by several threads at once. A parameter of the entry module is bound in one of
 three ways (`Binding`): an array with an element for each item, one value for all items, or the item's own number.
-Arrays
-hold one leaf each (structure of arrays) and are padded to whole packets, so that packets load and store whole vectors.
+Arrays hold one leaf each (structure of arrays) and are padded to whole packets, so that packets load and store whole
+vectors.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Literal
 
 from tasuki.ir import nodes as ir
 from tasuki.ir.types import Table
+from tasuki.machines.cpu.checks import REPORT, AccessSite
 from tasuki.machines.cpu.context import ARGUMENTS, CHUNK, COUNTER, ITEMS, STOP
-from tasuki.machines.cpu.emit import STORED, Declarations, Emitter, Leaf
+from tasuki.machines.cpu.emit import STORED, Declarations, Emitter, Leaf, result_type
 from tasuki.machines.cpu.lower import Lowered, lower_program, named_tables
-from tasuki.machines.cpu.memory import REPORT, AccessSite
 from tasuki.machines.cpu.variance import Pattern
 
 Binding = Literal["items", "same", "number"]
@@ -182,7 +182,7 @@ class _Launch:
         if not shape:
             e.line(f"call void {call}")
             return
-        type_ = "{" + ", ".join(e.type_of(scalar, varying) for scalar, varying in shape) + "}"
+        type_ = result_type(e, shape)
         returned = e.value(f"call {type_} {call}")
         for i, (scalar, varying) in enumerate(shape):
             leaf = Leaf(scalar, varying, e.value(f"extractvalue {type_} {returned}, {i}"))

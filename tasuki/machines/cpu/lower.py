@@ -1,40 +1,31 @@
 """IR -> LLVM text: each specialisation of a module becomes one LLVM function over a packet of lanes.
 
 Read `lower_program` first. A lowered function receives the context, the mask of active lanes, the leaves of its
-arguments,
-and the tables that it and its callees name; LLVM inlines them all into the entry, or (for a profile) none.
+arguments, and the tables that it and its callees name; LLVM inlines them all into the entry, or (for a profile) none.
 
 Masks follow a small vocabulary. A *scope* is a region whose lanes may differ from those around it: the function itself,
 a branch on a varying condition, a loop that lanes leave one by one. Each scope has a mask in a stack slot and a label
-at
-its end. A jump that only some lanes take clears them from every scope that it leaves; as soon as a scope is empty
-control
-goes to its end, so that nothing is ever executed with no lane active.
+at its end. A jump that only some lanes take clears them from every scope that it leaves; as soon as a scope is empty
+control goes to its end, so that nothing is ever executed with no lane active.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from tasuki.ir import expansions
 from tasuki.ir import nodes as ir
-from tasuki.ir.ops import OPERATIONS
-from tasuki.ir.types import Array, Record, Table
-from tasuki.machines.cpu import memory
+from tasuki.ir.types import Array, Table
+from tasuki.machines.cpu.arrays import clear_array, declare_array, store_array
+from tasuki.machines.cpu.checks import AccessSite, Checker, TableValue
 from tasuki.machines.cpu.context import STOP
-from tasuki.machines.cpu.emit import Declarations, Emitter, Leaf
-from tasuki.machines.cpu.memory import AccessSite, ArrayValue, Checker, TableValue
-from tasuki.machines.cpu.primitives import lower_primitive
+from tasuki.machines.cpu.emit import Declarations, Emitter, Leaf, result_type
+from tasuki.machines.cpu.expressions import ExpressionLowering, Scope
+from tasuki.machines.cpu.lanes import extract, first_lane
+from tasuki.machines.cpu.memory import store_table, word_pointers
 from tasuki.machines.cpu.profile import ProfileCounters
-from tasuki.machines.cpu.variance import (
-    BlockPath,
-    Pattern,
-    Variance,
-    VarianceAnalysis,
-    leaf_span,
-    variable_type,
-)
+from tasuki.machines.cpu.structure import has_jump, has_return, named_tables
+from tasuki.machines.cpu.variance import BlockPath, Pattern, Variance, VarianceAnalysis, leaf_span, variable_type
 
 
 @dataclass
@@ -51,8 +42,7 @@ class Lowered:
 
 
 def lower_program(program: ir.Program, pattern: Pattern, width: int, *, checked: bool, profile: bool) -> Lowered:
-    """Lower the entry of a (verified) program for arguments whose leaves vary as `pattern` says, and all that it
-    calls.
+    """Lower the entry of a (verified) program for arguments whose leaves vary as `pattern` says, and all that it calls.
     """
     module = ModuleLowering(program, width, Checker(checked), ProfileCounters(profile))
     entry = module.function(program.entry, pattern)
@@ -86,17 +76,6 @@ class ModuleLowering:
 
 
 @dataclass
-class Scope:
-    """A region whose set of active lanes is its own. `mask` is the slot that holds it, `end` the label where it
-    closes.
-    """
-
-    mask: str
-    end: str
-    parent: Scope | None
-
-
-@dataclass
 class LoopFrame:
     """A loop being lowered. `scope` and `body` are its mask scopes where its lanes may part; None in a uniform loop."""
 
@@ -106,29 +85,14 @@ class LoopFrame:
     body: Scope | None = None
 
 
-@dataclass
-class Place:
-    """Where a variable lives: a slot for each leaf."""
-
-    slots: tuple[str, ...]
-    scalars: tuple[str, ...]
-    varying: tuple[bool, ...] = field(default=())
-
-
-class FunctionLowering:
+class FunctionLowering(ExpressionLowering):
     """Lowers one specialisation of one function."""
 
     def __init__(self, module: ModuleLowering, variance: Variance, pattern: Pattern) -> None:
+        super().__init__(Emitter(module.width, module.declarations), module.checker, variance)
         self.module = module
-        self.variance = variance
-        self.function = variance.function
         self.pattern = pattern
-        self.e = Emitter(module.width, module.declarations)
-        self.places: dict[str, Place] = {}
-        self.arrays: dict[str, ArrayValue] = {}
-        self.tables: dict[str, TableValue] = {}
         self.loops: list[LoopFrame] = []
-        self.scope = Scope(self.e.slot(self.e.mask_type), "leave", None)
         result = self.function.result.leaves
         self.result = self.make_place(result, tuple(reason is not None for reason in variance.result))
 
@@ -141,7 +105,7 @@ class FunctionLowering:
         for variable, type_ in self.function.variables.items():
             varying = tuple(r is not None for r in self.variance.variables[variable])
             if isinstance(type_, Array):
-                self.arrays[variable] = memory.declare_array(e, type_, varying)
+                self.arrays[variable] = declare_array(e, type_, varying)
             else:
                 self.places[variable] = self.make_place(type_.leaves, varying)
         self.block(self.function.body, ())
@@ -189,36 +153,6 @@ class FunctionLowering:
         e.line(f"ret {type_} {aggregate}")
         return type_
 
-    # --- variables ----------------------------------------------------------------------------------------------------
-
-    def make_place(self, scalars: Sequence[str], varying: Sequence[bool]) -> Place:
-        e = self.e
-        slots = tuple(e.slot(e.type_of(s, v), 64 if v else 4) for s, v in zip(scalars, varying, strict=True))
-        return Place(slots, tuple(scalars), tuple(varying))
-
-    def load_slot(self, place: Place, i: int) -> Leaf:
-        scalar, varying = place.scalars[i], place.varying[i]
-        return Leaf(scalar, varying, self.e.value(f"load {self.e.type_of(scalar, varying)}, ptr {place.slots[i]}"))
-
-    def store_slot(self, place: Place, i: int, leaf: Leaf) -> None:
-        if place.varying[i]:
-            leaf = self.e.broadcast(leaf)
-        assert leaf.varying == place.varying[i], f"a varying value for a uniform leaf in {self.function.name}"
-        self.e.line(f"store {self.e.typed(leaf)}, ptr {place.slots[i]}")
-
-    def assign(self, place: Place, at: Sequence[int], leaves: Sequence[Leaf], blend: bool) -> None:
-        """Leaves `at` of a place become `leaves`; with `blend` in the active lanes only."""
-        for i, leaf in zip(at, leaves, strict=True):
-            if blend and place.varying[i]:
-                leaf = self.e.blend(self.mask(), self.e.broadcast(leaf), self.load_slot(place, i))
-            self.store_slot(place, i, leaf)
-
-    def parted(self, variable: str, path: BlockPath) -> bool:
-        return self.variance.parts(self.variance.homes[variable], path) is not None
-
-    def mask(self) -> str:
-        return self.e.value(f"load {self.e.mask_type}, ptr {self.scope.mask}")
-
     # --- statements ---------------------------------------------------------------------------------------------------
 
     def block(self, statements: Sequence[ir.Statement], path: BlockPath) -> None:
@@ -235,7 +169,7 @@ class FunctionLowering:
             case ir.SetElement(array, at_index, value, member_path):
                 self.set_element(array, at_index, value, member_path, path)
             case ir.Clear(array):
-                memory.clear_array(self.e, self.arrays[array], self.mask() if self.parted(array, path) else None)
+                clear_array(self.e, self.arrays[array], self.mask() if self.parted(array, path) else None)
             case ir.Store(table, at_index, value, member_path):
                 self.store(statement, table, at_index, value, member_path)
             case ir.Atomic():
@@ -264,7 +198,7 @@ class FunctionLowering:
         target = self.arrays[array]
         at = leaf_span(target.type.item, member_path)
         index_leaf, leaves = self.expression(index)[0], self.expression(value)
-        memory.store_array(self.e, target, index_leaf, at, leaves, self.mask(), self.parted(array, path))
+        store_array(self.e, target, index_leaf, at, leaves, self.mask(), self.parted(array, path))
 
     def store(
         self,
@@ -278,13 +212,7 @@ class FunctionLowering:
         at = leaf_span(target.record, member_path)
         leaves = self.expression(value)
         checked = self.checked_index(statement, target, index)
-        memory.store_table(self.e, target, checked, at, leaves, self.mask())
-
-    def checked_index(
-        self, node: ir.Store | ir.Load | ir.Atomic, table: TableValue, index: ir.Expression
-    ) -> Leaf:
-        leaf = self.expression(index)[0]
-        return self.module.checker.check(self.e, leaf, table, self.mask(), self.function.name, node.span)
+        store_table(self.e, target, checked, at, leaves, self.mask())
 
     def atomic(self, statement: ir.Atomic, path: BlockPath) -> None:
         table = self.table(statement.table)
@@ -299,7 +227,7 @@ class FunctionLowering:
         """The active lanes one after another; gives each lane the word from before."""
         e = self.e
         code = {"add": "add", "minimum": "min", "maximum": "max"}[operation]
-        pointers = memory.word_pointers(e, table, index, leaf)
+        pointers = word_pointers(e, table, index, leaf)
         values = e.broadcast(value)
         olds, left = e.slot(e.type_of("i32", True)), e.slot(e.mask_type)
         e.line(f"store {e.type_of('i32', True)} zeroinitializer, ptr {olds}")
@@ -309,10 +237,11 @@ class FunctionLowering:
         mask = e.value(f"load {e.mask_type}, ptr {left}")
         e.branch(e.any_lane(mask), body, done)
         e.label(body)
-        lane = memory.first_lane(e, mask)
-        e.line(f"store {e.mask_type} {e.value(f'insertelement {e.mask_type} {mask}, i1 false, i32 {lane}')}, ptr {left}")
+        lane = first_lane(e, mask)
+        rest = e.value(f"insertelement {e.mask_type} {mask}, i1 false, i32 {lane}")
+        e.line(f"store {e.mask_type} {rest}, ptr {left}")
         pointer = e.value(f"extractelement <{e.width} x ptr> {pointers}, i32 {lane}")
-        old = e.value(f"atomicrmw {code} ptr {pointer}, i32 {memory.extract(e, values, lane)} seq_cst")
+        old = e.value(f"atomicrmw {code} ptr {pointer}, i32 {extract(e, values, lane)} seq_cst")
         so_far = e.value(f"load {e.type_of('i32', True)}, ptr {olds}")
         updated = e.value(f"insertelement {e.type_of('i32', True)} {so_far}, i32 {old}, i32 {lane}")
         e.line(f"store {e.type_of('i32', True)} {updated}, ptr {olds}")
@@ -454,7 +383,7 @@ class FunctionLowering:
 
     def poll_stop(self, exit_: str) -> None:
         """In checked programs every loop ends when the run is to stop, so that no module can hang it."""
-        if not self.module.checker.enabled:
+        if not self.checker.enabled:
             return
         e = self.e
         flag = e.value(f"getelementptr i64, ptr %context, i64 {STOP}")
@@ -492,144 +421,3 @@ class FunctionLowering:
                 return
             scope = scope.parent
 
-    # --- expressions --------------------------------------------------------------------------------------------------
-
-    def expression(self, expression: ir.Expression) -> list[Leaf]:
-        """The leaves of a value."""
-        e = self.e
-        match expression:
-            case ir.Constant(value, type_):
-                return [e.constant(value, str(type_))]
-            case ir.Local(name):
-                place = self.places[name]
-                return [self.load_slot(place, i) for i in range(len(place.slots))]
-            case ir.Operate():
-                return self.operate(expression)
-            case ir.Member(base, name):
-                return self.member(base, (name,))
-            case ir.Element(array, index):
-                value = self.arrays[array]
-                at = range(len(value.type.item.leaves))
-                return memory.load_array(e, value, self.expression(index)[0], at, self.mask())
-            case ir.Construct(arguments, type_):
-                leaves = [leaf for argument in arguments for leaf in self.expression(argument)]
-                return leaves if len(leaves) == len(type_.leaves) else leaves * len(type_.leaves)
-            case ir.Load(table, index, path):
-                source = self.table(table)
-                checked = self.checked_index(expression, source, index)
-                return memory.load_table(e, source, checked, leaf_span(source.record, path), self.mask())
-            case ir.Length(table):
-                return [Leaf("i32", False, self.table(table).count)]
-        raise TypeError(f"no value: {expression!r}")
-
-    def member(self, base: ir.Expression, path: tuple[str, ...]) -> list[Leaf]:
-        """A member of a value; of a variable only the leaves that are wanted are read."""
-        if isinstance(base, ir.Member):
-            return self.member(base.base, (base.name, *path))
-        at = leaf_span(base.type, path)
-        if isinstance(base, ir.Local):
-            return [self.load_slot(self.places[base.name], i) for i in at]
-        leaves = self.expression(base)
-        return [leaves[i] for i in at]
-
-    def operate(self, expression: ir.Operate) -> list[Leaf]:
-        arguments = [self.expression(a) for a in expression.arguments]
-        operation = OPERATIONS[expression.operation]
-        if operation.sort == "lanes":
-            return self.lane_operation(operation.name, arguments[0])
-        if operation.sort == "composite":
-            assert operation.expansion is not None
-            terms = [[self.term(leaf) for leaf in leaves] for leaves in arguments]
-            return [term.value for term in operation.expansion(*terms)]
-        count = len(expression.type.leaves)
-        columns = zip(*(leaves if len(leaves) == count else leaves * count for leaves in arguments), strict=True)
-        return [lower_primitive(self.e, operation.name, list(column)) for column in columns]
-
-    def term(self, leaf: Leaf) -> expansions.Term:
-        def apply(name: str, values: list[Leaf], scalars: list[str]) -> Leaf:
-            return lower_primitive(self.e, name, values)
-
-        return expansions.Term(leaf, leaf.scalar, apply, self.e.constant)
-
-    def lane_operation(self, name: str, leaves: list[Leaf]) -> list[Leaf]:
-        e = self.e
-        leaf = leaves[0]
-        if name == "same_lanes":
-            return leaves
-        if name != "count_lanes" and not leaf.varying:
-            return [leaf]
-        holds = e.value(f"and {e.mask_type} {self.mask()}, {e.broadcast(leaf).text}")
-        if name == "count_lanes":
-            return [Leaf("i32", False, e.count_lanes(holds))]
-        if name == "any_lane":
-            return [Leaf("bool", False, e.any_lane(holds))]
-        refused = e.value(f"xor {e.mask_type} {holds}, {self.mask()}")
-        return [Leaf("bool", False, e.value(f"xor i1 {e.any_lane(refused)}, true"))]
-
-    def table(self, expression: ir.Local | ir.NamedTable) -> TableValue:
-        key = expression.name if isinstance(expression, ir.Local) else "table " + expression.name
-        return self.tables[key]
-
-
-def result_type(e: Emitter, shape: Sequence[tuple[str, bool]]) -> str:
-    return "{" + ", ".join(e.type_of(scalar, varying) for scalar, varying in shape) + "}"
-
-
-def has_jump(statement: ir.Statement) -> bool:
-    """Whether lanes may leave the block around a statement from inside it. A loop keeps its own jumps to itself."""
-    match statement:
-        case ir.Break() | ir.Continue() | ir.Return():
-            return True
-        case ir.If(_, then, orelse):
-            return any(map(has_jump, (*then, *orelse)))
-        case ir.Loop():
-            return has_return(statement)
-    return False
-
-
-def has_return(statement: ir.Statement) -> bool:
-    match statement:
-        case ir.Return():
-            return True
-        case ir.If(_, then, orelse):
-            return any(map(has_return, (*then, *orelse)))
-        case ir.Loop(_, body, setup, step):
-            return any(map(has_return, (*body, *setup, *step)))
-    return False
-
-
-def named_tables(program: ir.Program) -> dict[str, dict[str, Record]]:
-    """For every function the named tables that it or a callee touches, in a fixed order."""
-    found: dict[str, dict[str, Record]] = {}
-
-    def visit(name: str) -> dict[str, Record]:
-        if name not in found:
-            direct, callees = direct_uses(program.functions[name])
-            names = set(direct).union(*(visit(callee) for callee in callees))
-            found[name] = {table: program.tables[table] for table in sorted(names)}
-        return found[name]
-
-    for name in program.functions:
-        visit(name)
-    return found
-
-
-def direct_uses(function: ir.Function) -> tuple[set[str], set[str]]:
-    """Named tables and functions that a function itself mentions."""
-    tables: set[str] = set()
-    callees: set[str] = set()
-
-    def walk(node: object) -> None:
-        if isinstance(node, ir.NamedTable):
-            tables.add(node.name)
-        elif isinstance(node, ir.Call):
-            callees.add(node.function)
-        if isinstance(node, ir.Node):
-            for value in vars(node).values():
-                walk(value)
-        elif isinstance(node, tuple):
-            for item in node:
-                walk(item)
-
-    walk(function.body)
-    return tables, callees

@@ -12,8 +12,8 @@ import numpy as np
 
 from tasuki.diagnostics import Diagnostic, MachineError, Span
 from tasuki.ir.memory import MemoryTable
+from tasuki.machines.cpu.checks import AccessSite
 from tasuki.machines.cpu.context import ARGUMENTS, CHUNK, COUNTER, ERROR, ERROR_INDEX, ITEMS, PROFILE, STOP
-from tasuki.machines.cpu.memory import AccessSite
 from tasuki.machines.cpu.profile import WORDS
 from tasuki.native.buffers import aligned_zeros
 from tasuki.native.compile import Library
@@ -70,7 +70,8 @@ class Shape:
     profiled: list[tuple[str, str]]
 
     def to_json(self) -> dict:
-        sites = [[s.table, s.function, [s.span.file, s.span.line, s.span.column] if s.span else None] for s in self.sites]
+        places = [[s.span.file, s.span.line, s.span.column] if s.span else None for s in self.sites]
+        sites = [[s.table, s.function, place] for s, place in zip(self.sites, places, strict=True)]
         return {**vars(self), "sites": sites}
 
     @classmethod

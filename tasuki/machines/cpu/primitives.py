@@ -1,8 +1,7 @@
 """Every primitive operation of `ir.ops`, as LLVM instructions: one function each, looked up by the operation's name.
 
 Arguments arrive as leaves of equal variance (all scalars or all vectors) except in `select`. No fast-math flag, ever:
-the
-bits are the interpreter's. Every instruction is safe in inactive lanes too, whatever they hold.
+the bits are the interpreter's. Every instruction is safe in inactive lanes too, whatever they hold.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Cycle counting for `--profile`: modules stay calls, and every call is timed by the processor's counter.
 
 For each edge (caller, callee) of the call graph three 64-bit words: calls, active lanes, cycles. A module's own cycles
-are
-those of the edges into it less those of the edges out of it. A profiled program runs on one thread.
+are those of the edges into it less those of the edges out of it. A profiled program runs on one thread.
 """
 
 from __future__ import annotations

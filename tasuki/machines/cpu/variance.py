@@ -6,10 +6,8 @@ For every leaf it keeps `None` (uniform) or the `Reason` why it varies; `tasuki 
 `same_lanes` that does not hold print the chain of reasons.
 
 A variable's *home* is the innermost block that holds all of its occurrences. An assignment must blend with the old
-value
-only where lanes may have parted between the home and the assignment; there the variable also varies, whatever its
-value.
-Lanes that returned never see a variable again, so a varying `return` makes no variable vary, only the result.
+value only where lanes may have parted between the home and the assignment; there the variable also varies, whatever its
+value. Lanes that returned never see a variable again, so a varying `return` makes no variable vary, only the result.
 """
 
 from __future__ import annotations
