@@ -6,6 +6,7 @@ They come with the package (`tasuki.modules`), from other installed packages (en
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import importlib.metadata
 import pkgutil
@@ -17,7 +18,7 @@ from typing import Any
 import tasuki.modules
 from tasuki.diagnostics import Diagnostic, LinkError, TasukiError
 from tasuki.language.declare import Module
-from tasuki.language.load import declared, load_modules
+from tasuki.language.load import declared, load_modules, resolve_module
 from tasuki.renderers.raytrace import FILLED
 from tasuki.scene.kinds import kinds
 
@@ -35,6 +36,25 @@ def all_modules(files: Iterable[str | Path] = ()) -> list[Module]:
     named = [module for file in files for module in load_modules(file) if isinstance(module, Module)]
     # A module may be named by several entry points.
     return list(dict.fromkeys([*ours, *_installed(), *named]))
+
+
+def find_module(name: str, files: Iterable[str | Path] = ()) -> Module:
+    """The module named "FILE.py:NAME" or "package.module:NAME", or, by its name alone, among `all_modules(files)`.
+
+    Raises SourceError or LinkError where there is none, or more than one.
+    """
+    if ":" in name:
+        return resolve_module(name)
+    modules = all_modules(files)
+    found = [module for module in modules if module.name == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        expected = " or ".join(module.qualified_name for module in found)
+        raise LinkError(str(Diagnostic(f"{len(found)} modules are called `{name}`", expected=expected, found=name)))
+    close = difflib.get_close_matches(name, [module.name for module in modules], n=1)
+    hint = f"did you mean `{close[0]}`?" if close else "`tasuki modules` lists them all"
+    raise LinkError(str(Diagnostic(f"there is no module `{name}`", hint=hint)))
 
 
 def describe(

@@ -231,6 +231,31 @@ def modules(
 
 
 @app.command()
+def explain(
+    module: Annotated[
+        str, typer.Argument(metavar="MODULE", help="A name that `tasuki modules` lists, or FILE.py:NAME.")
+    ],
+    sections: Annotated[
+        list[str] | None,
+        typer.Option("--section", metavar="ir|lanes|llvm|assembly", help="Show this part only. Repeatable."),
+    ] = None,
+    with_files: WithFiles = None,
+    debug: Debug = False,
+) -> None:
+    """Show a module's IR, what varies over lanes and why, and its code."""
+    with reported(debug):
+        from tasuki.catalogue import find_module
+        from tasuki.explain import SECTIONS
+        from tasuki.explain import explain as explanation
+
+        unknown = ", ".join(repr(section) for section in sections or [] if section not in SECTIONS)
+        if unknown:
+            raise TasukiError(f"error: there is no section {unknown}\n  expected: {', '.join(SECTIONS)}")
+        found = find_module(module, with_files or [])
+        print(explanation(found, sections) if sections else explanation(found))
+
+
+@app.command()
 def schema(debug: Debug = False) -> None:
     """Print the JSON Schema of the scene format."""
     with reported(debug):

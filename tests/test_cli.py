@@ -217,6 +217,31 @@ def test_modules_as_json_tells_what_they_cost(folder: Path):
     assert "hue" in by_name["wrong"]["error"]
 
 
+def test_the_machine_python_makes_the_same_bytes(folder: Path):
+    assert tasuki("render", "scene.nff", "-o", "cpu.png").exit_code == 0
+    result = tasuki("render", "scene.nff", "-o", "python.png", "--machine", "python", "--stats", "stats.json")
+    assert result.exit_code == 0, result.stderr
+    assert Path("python.png").read_bytes() == Path("cpu.png").read_bytes()
+    assert json.loads(Path("stats.json").read_text())["machine"]["name"] == "python"
+
+
+def test_explain(folder: Path):
+    by_name = tasuki("explain", "quadric_hit")
+    assert by_name.exit_code == 0, by_name.stderr
+    assert by_name.stdout.startswith("quadric_hit(Quadric, vec3, vec3, bool) -> f32")
+    mine = tasuki("explain", "mine.py:flat", "--section", "ir")
+    assert mine.exit_code == 0, mine.stderr
+    assert "return" in mine.stdout
+    assert len(mine.stdout) < len(tasuki("explain", "mine.py:flat").stdout)
+
+
+def test_explain_what_is_not_there(folder: Path):
+    refuses(folder, tasuki("explain", "quadric_hut"), "no module `quadric_hut`", "did you mean `quadric_hit`?")
+    refuses(folder, tasuki("explain", "mine.py:flad"), "no module `flad`")
+    refuses(folder, tasuki("explain", "mine.py:wrong"), "mine.py:23", "hue")
+    refuses(folder, tasuki("explain", "quadric_hit", "--section", "poetry"), "'poetry'", "assembly")
+
+
 def test_version_and_wrong_options_import_nothing_that_costs(folder: Path):
     code = """
 import sys

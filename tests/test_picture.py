@@ -205,6 +205,12 @@ def test_a_region_of_the_picture(scene: Scene):
     np.testing.assert_array_equal(part, whole[2:6, 3:8])
 
 
+def test_plain_python_makes_the_same_picture(scene: Scene):
+    plain = render(scene, machine="python")
+    np.testing.assert_array_equal(plain.pixels, render(scene).pixels)
+    assert plain.stats["machine"]["name"] == "python"
+
+
 def test_progress_is_told(scene: Scene):
     told = []
     render(scene, progress=lambda doing, share: told.append((doing, share)))
@@ -214,6 +220,8 @@ def test_progress_is_told(scene: Scene):
 def test_what_cannot_be_rendered(scene: Scene):
     with pytest.raises(SceneError, match="has not the machine 'gpu' yet"):
         render(scene, machine="gpu")
+    with pytest.raises(SceneError, match="only the machine 'cpu' can be profiled"):
+        render(scene, machine="python", profile=True)
     with pytest.raises(SceneError, match="unknown method 'magic'"):
         render(scene, method="magic")
     with pytest.raises(LinkError, match="no socket `texture`"):

@@ -5,6 +5,7 @@ Nothing expensive is imported before the arguments have been checked.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 METHODS = {"raytrace": True, "scanline": False}
 """The methods, and whether this version has them."""
-MACHINES = {"cpu": True, "python": False, "pu": False, "gpu": False}
+MACHINES = {"cpu": True, "python": True, "pu": False, "gpu": False}
 """The machines, and whether this version has them."""
 
 Progress = Callable[[str, float | None], None]
@@ -59,8 +60,10 @@ def render(
     `size` is (width, height) in pixels, by default the scene's resolution; `region` (x, y, width, height) is the part
     of it that is rendered, counted from the upper left corner. `samples` rays go through each pixel, and `depth`
     generations of rays are followed, the eye ray counted. `threads`: by default one for each processor; their number
-    does not change the picture. `modules` fills sockets, by name, with modules of yours, given as they are or as
-    "FILE.py:NAME"; their accesses to tables are checked unless `unchecked`. `profile` times modules, on one thread.
+    does not change the picture. `machine` "python" runs the modules' own source, one pixel after another: slow, and
+    open to any debugger; the picture is the same. `modules` fills sockets, by name, with modules of yours, given as
+    they are or as "FILE.py:NAME"; their accesses to tables are checked unless `unchecked`. `profile` times modules, on
+    one thread.
 
     `Picture.stats` tells what was made of what, how many rays were sent, and where the time went. Raises SceneError,
     LinkError, SourceError or MachineError, and `Interrupted` on Ctrl-C.
@@ -68,8 +71,17 @@ def render(
     started = perf_counter()
     _check_known("method", method, METHODS)
     _check_known("machine", machine, MACHINES)
+    if profile and machine != "cpu":
+        raise SceneError(str(Diagnostic("only the machine 'cpu' can be profiled", expected="cpu", found=machine)))
     options_for = partial(
-        _options, samples=samples, depth=depth, threads=threads, region=region, unchecked=unchecked, profile=profile
+        _options,
+        machine=machine,
+        samples=samples,
+        depth=depth,
+        threads=threads,
+        region=region,
+        unchecked=unchecked,
+        profile=profile,
     )
     # A size that was given is checked before anything is loaded.
     options = options_for(size) if size else None
@@ -211,8 +223,6 @@ def _make(scene: Scene, options: RenderOptions, fillers: Mapping[str, Module], t
 
 def _stats(tracer: RayTracer) -> dict[str, Any]:
     """What the report says of the scene, the rays, the machine and the modules."""
-    from tasuki.native.compile import host
-
     scene, options, region = tracer.scene, tracer.options, tracer.options.region
     stats: dict[str, Any] = {
         "version": __version__,
@@ -231,12 +241,7 @@ def _stats(tracer: RayTracer) -> dict[str, Any]:
             "warnings": list(scene.warnings),
         },
         "rays": tracer.ray_counts(),
-        "machine": {
-            "name": "cpu",
-            "processor": host().cpu,
-            "lanes": tracer.program.shape.width,
-            "threads": 1 if options.profile else options.threads,
-        },
+        "machine": _machine(tracer),
         "modules": _modules(tracer),
         "pu": None,
     }
@@ -245,11 +250,21 @@ def _stats(tracer: RayTracer) -> dict[str, Any]:
     return stats
 
 
+def _machine(tracer: RayTracer) -> dict[str, Any]:
+    from tasuki.native.compile import host
+
+    options = tracer.options
+    if options.machine == "python":
+        return {"name": "python", "version": sys.version.split()[0], "lanes": 1, "threads": 1}
+    threads = 1 if options.profile else options.threads
+    return {"name": "cpu", "processor": host().cpu, "lanes": tracer.program.shape.width, "threads": threads}
+
+
 def _modules(tracer: RayTracer) -> list[dict[str, Any]]:
     """The modules that filled sockets, and the kind of primitive where there is one for each."""
     rows = []
     for socket, filler in sorted(tracer.fillers().items()):
-        kinds = tracer.packed.kinds if isinstance(filler, Sequence) else [None]
+        kinds = tracer.kinds if isinstance(filler, Sequence) else [None]
         modules = [case.module for case in filler] if isinstance(filler, Sequence) else [filler]
         for kind, module in zip(kinds, modules, strict=True):
             row = {"socket": socket, "kind": kind.name if kind else None, "name": module.name, "file": module.file}
