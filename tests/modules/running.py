@@ -52,8 +52,9 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 def random_directions(draw: np.random.Generator, count: int) -> np.ndarray:
     """Unit vectors; some along the axes and in the coordinate planes, with zeros of both signs."""
     directions = draw.normal(size=(count, 3))
-    directions[::17] *= draw.permuted(np.tile([1.0, 0.0, -0.0], (len(directions[::17]), 1)), axis=1)
-    directions[::19, draw.integers(0, 3)] = 0.0
+    few = len(directions[::17])
+    directions[::17] *= draw.permuted(np.tile([1.0, 0.0, -0.0], (few, 1)), axis=1)
+    directions[1::17] *= draw.permuted(np.tile([1.0, -1.0, -0.0], (len(directions[1::17]), 1)), axis=1)
     return unit(directions)
 
 
