@@ -20,8 +20,8 @@ from tasuki.ir.types import Record, Table, Tuple, Type, Vector
 from tasuki.language.declare import Module
 from tasuki.machines.cpu.launch import Binding
 from tasuki.machines.cpu.machine import Items
-from tasuki.native.compile import Library
-from tasuki.programs import Filler, Options, compile_cached, executable, link_program
+from tasuki.native.compile import Library, compile_object
+from tasuki.programs import Filler, Options, executable, link_program
 
 ITEMS = 8192
 REPEATS = 40
@@ -82,7 +82,7 @@ def made_up(type_: Type, items: int, random: np.random.Generator) -> list[np.nda
 @cache
 def counter_rate() -> float:
     """Ticks of the processor's cycle counter in a second."""
-    library = Library(compile_cached(READ_COUNTER)[1])
+    library = Library(compile_object(READ_COUNTER))
     read = library.function("read_counter", ctypes.c_void_p)
     ticks = ctypes.c_int64()
 

@@ -2,15 +2,14 @@
 
 Two levels on disk. The first goes from everything that a program is made of (sources, sockets and what fills them,
 options, this package, this processor) to what the host must know and the key of the object: a warm start neither parses
-nor checks a module. The second goes from the LLVM text to object code: what changes no instruction, such as the name of
-a variable, compiles nothing. Imported by `mapping`, the renderers and the command line.
+nor checks a module. The second goes from the digest of the canonical IR to object code: what changes no meaning, such
+as the name of a variable, compiles nothing. Imported by `mapping`, the renderers and the command line.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
@@ -31,7 +30,8 @@ if TYPE_CHECKING:
     from tasuki.machines.cpu.machine import Executable
 
 Filler = Module | Sequence[Case]
-COMMENT = re.compile(r"\s*;.*$", re.MULTILINE)
+COMPILER = ("ir", "native", "machines")
+"""Folders whose sources decide what machine code a checked program becomes."""
 
 
 @dataclass(frozen=True)
@@ -108,13 +108,20 @@ class _Request:
             return None
         parts = {
             "version": __version__,
-            "package": package_digest(),
+            "package": package_digest(*COMPILER, "language", "modules"),
             "host": asdict(host()),
             "options": asdict(self.options) | {"width": self.width},
             "entry": entry,
             "fillers": fillers,
         }
         return "program-" + hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+    def object_key(self, program: Program) -> str:
+        """The name of the second level's entry: what the machine code of a program depends on, and nothing else."""
+        from tasuki.ir.canonical import digest
+
+        parts = [digest(program), package_digest(*COMPILER), asdict(host()), asdict(self.options), self.width]
+        return "object-" + hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
     def from_cache(self, key: str) -> Executable | None:
         from tasuki.machines.cpu.machine import Executable, Shape
@@ -127,13 +134,24 @@ class _Request:
         return Executable(code, Shape.from_json(known["shape"])) if code else None
 
     def build(self, key: str | None) -> Executable:
-        from tasuki.machines.cpu.launch import emit_kernel, sorted_tables
+        from tasuki.machines.cpu.launch import Kernel, emit_kernel, sorted_tables
         from tasuki.machines.cpu.machine import Executable, Shape
 
         program = link_program(self.entry, self.fillers)
         REPORT.linked += 1
         options = self.options
-        kernel = emit_kernel(program, options.bindings, self.width, checked=options.checked, profile=options.profile)
+        object_key = self.object_key(program)
+        code = disk.read(object_key)
+        kernel = Kernel("", [], [])
+        if code is None or options.checked or options.profile:
+            # Known code, too, must be lowered for the places of its checks, which stand in the source as it is now.
+            kernel = emit_kernel(
+                program, options.bindings, self.width, checked=options.checked, profile=options.profile
+            )
+        if code is None:
+            code = compile_object(kernel.text)
+            REPORT.compiled += 1
+            disk.write(object_key, code)
         function = program.functions[program.entry]
         shape = Shape(
             [_scalars(p.type) for p in function.parameters],
@@ -143,34 +161,18 @@ class _Request:
             kernel.sites,
             kernel.profiled,
         )
-        object_key, code = compile_cached(kernel.text)
         if key is not None:
             known = {"object": object_key, "shape": shape.to_json()}
             disk.write(key, json.dumps(known).encode())
         return Executable(code, shape)
 
 
-def compile_cached(text: str) -> tuple[str, bytes]:
-    """(key, object code) of LLVM text; compiled only if the cache does not hold it."""
-    identity = json.dumps(asdict(host())) + COMMENT.sub("", text)
-    key = "object-" + hashlib.sha256(identity.encode()).hexdigest()
-    code = disk.read(key)
-    if code is None:
-        code = compile_object(text)
-        REPORT.compiled += 1
-        disk.write(key, code)
-    return key, code
-
-
 @cache
-def package_digest() -> str:
-    """Digest of the package's own sources that take part in compiling."""
+def package_digest(*folders: str) -> str:
+    """Digest of the package's own sources in these folders."""
     root = Path(__file__).parent
-    files = [root / "programs.py"]
-    for folder in ("language", "ir", "native", "machines", "modules"):
-        files += sorted((root / folder).rglob("*.py"))
     digest = hashlib.sha256()
-    for file in files:
+    for file in [root / "programs.py", *(file for folder in folders for file in sorted((root / folder).rglob("*.py")))]:
         digest.update(str(file.relative_to(root)).encode() + file.read_bytes())
     return digest.hexdigest()
 
