@@ -2,8 +2,8 @@
 
 from tasuki.language import cross, dot, f32, i32, max, min, module, normalize, select, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing
+from tasuki.modules.polygon import Seen, basis_across, edge_side, seen_along
 from tasuki.modules.records import Quad
-from tasuki.modules.triangle import edge_volume
 
 
 @module
@@ -13,20 +13,28 @@ def quad_plane_normal(quad: Quad) -> vec3:
 
 
 @module
+def seen_corners(quad: Quad, origin: vec3, direction: vec3) -> tuple[Seen, Seen, Seen, Seen]:
+    """The corners as a ray of unit direction sees them."""
+    right, up = basis_across(direction)
+    a = seen_along(quad.a - origin, right, up)
+    b = seen_along(quad.b - origin, right, up)
+    c = seen_along(quad.c - origin, right, up)
+    d = seen_along(quad.d - origin, right, up)
+    return a, b, c, d
+
+
+@module
 def quad_hit(quad: Quad, origin: vec3, direction: vec3, leaving: bool) -> f32:
     """The visible crossing with t > 0 (`crossing.NOWHERE` if there is none)."""
-    a = quad.a - origin
-    b = quad.b - origin
-    c = quad.c - origin
-    d = quad.d - origin
-    ab = edge_volume(a, b, direction)
-    bc = edge_volume(b, c, direction)
-    cd = edge_volume(c, d, direction)
-    da = edge_volume(d, a, direction)
+    a, b, c, d = seen_corners(quad, origin, direction)
+    ab = edge_side(a, b)
+    bc = edge_side(b, c)
+    cd = edge_side(c, d)
+    da = edge_side(d, a)
     front = min(min(ab, bc), min(cd, da)) >= 0.0
     back = max(max(ab, bc), max(cd, da)) <= 0.0
     normal = quad_plane_normal(quad)
-    t = dot(normal, a) / dot(normal, direction)
+    t = dot(normal, quad.a - origin) / dot(normal, direction)
     hit = first_crossing(quad.flags, select(front, t, NOWHERE), select(back, t, NOWHERE))
     return select(leaving, NOWHERE, hit)
 
@@ -37,18 +45,15 @@ def quad_surface(quad: Quad, origin: vec3, direction: vec3, point: vec3) -> tupl
 
     Interpolated in the triangle, abc or acd, through which the ray passes.
     """
-    a = quad.a - origin
-    b = quad.b - origin
-    c = quad.c - origin
-    d = quad.d - origin
+    a, b, c, d = seen_corners(quad, origin, direction)
     flat = quad_plane_normal(quad)
     facing = select(dot(flat, direction) < 0.0, 1.0, -1.0)
-    beyond = facing * edge_volume(c, a, direction)
+    beyond = facing * edge_side(c, a)
     weight_b = max(beyond, 0.0)
     weight_d = max(-beyond, 0.0)
     in_abc = beyond >= 0.0
-    weight_a = facing * select(in_abc, edge_volume(b, c, direction), edge_volume(c, d, direction))
-    weight_c = facing * select(in_abc, edge_volume(a, b, direction), edge_volume(d, a, direction))
+    weight_a = facing * select(in_abc, edge_side(b, c), edge_side(c, d))
+    weight_c = facing * select(in_abc, edge_side(a, b), edge_side(d, a))
     smooth = weight_a * quad.normal_a + weight_b * quad.normal_b + weight_c * quad.normal_c + weight_d * quad.normal_d
     return normalize(flat), normalize(smooth), quad.attribute
 

@@ -3,27 +3,18 @@
 
 from tasuki.language import cross, dot, f32, i32, max, min, module, normalize, select, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing
+from tasuki.modules.polygon import basis_across, edge_side, seen_along
 from tasuki.modules.records import Triangle
 
 
 @module
-def edge_volume(p: vec3, q: vec3, direction: vec3) -> f32:
-    """Six times the volume between a ray and an edge from p to q, both relative to the ray's origin.
-
-    Positive where a ray that meets the polygon's front passes inside. An edge shared by two polygons gives both exactly
-    the same number with opposite sign, so that no ray slips between them (J. Amanatides, K. Choi, "Ray Tracing
-    Triangular Meshes", 1997).
-    """
-    return dot(direction, cross(q, p))
-
-
-@module
 def corner_weights(triangle: Triangle, origin: vec3, direction: vec3) -> tuple[f32, f32, f32]:
-    """For each corner the volume at the opposite edge. Equal signs: the ray passes inside."""
-    a = triangle.a - origin
-    b = triangle.b - origin
-    c = triangle.c - origin
-    return edge_volume(b, c, direction), edge_volume(c, a, direction), edge_volume(a, b, direction)
+    """For each corner the side of the opposite edge on which a ray of unit direction passes. Equal signs: inside."""
+    right, up = basis_across(direction)
+    a = seen_along(triangle.a - origin, right, up)
+    b = seen_along(triangle.b - origin, right, up)
+    c = seen_along(triangle.c - origin, right, up)
+    return edge_side(b, c), edge_side(c, a), edge_side(a, b)
 
 
 @module
