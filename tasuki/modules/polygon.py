@@ -1,10 +1,10 @@
 """Polygons as a ray sees them: corners projected along it, and on which side of an edge it passes.
 
-Every corner is projected by itself, so that polygons that share one project it to the same point. Of two products that are
-rounded the larger is never the smaller: the side of an edge that comes out is the true side of the projected edge, or 0,
-and both polygons at the edge see it alike. So no ray slips through a mesh, neither at its edges nor at its corners
-(after S. Woop et al., "Watertight Ray/Triangle Intersection", 2013, who shear where we turn). And the errors are roundings
-of the corner's distance: small polygons far away are hit where they are.
+Every corner is projected by itself, so that polygons that share one project it to the same point. Rounding never puts
+two products into the wrong order: the side of an edge that comes out is the true side of the projected edge, or 0, and
+both polygons at the edge see it alike. So no ray slips through a mesh, neither at its edges nor at its corners (after
+S. Woop et al., "Watertight Ray/Triangle Intersection", 2013, who shear where we turn). And errors are roundings of the
+corner's distance: small polygons far away are hit where they are.
 """
 
 from tasuki.language import copysign, dot, f32, module, record, vec3

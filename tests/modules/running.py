@@ -1,5 +1,4 @@
-"""What the tests of the modules share: arrays of records, rays, and a run on every width that must agree in every bit.
-"""
+"""What the tests of the modules share: arrays of records, directions, and runs that must agree in every bit."""
 
 from __future__ import annotations
 

@@ -1,0 +1,78 @@
+"""A scene of a few tables, its hierarchy built by the modules themselves, and the search over it, with and without."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tasuki.mapping import map_module
+from tasuki.modules import bvh, bvh_build, initialise
+from tasuki.modules import records as rec
+from tasuki.renderers.raytrace import ERROR_BOUND, default_fillers, primitive_codes
+from tasuki.scene.kinds import kinds
+from tests.modules.running import records
+
+NUMBERS = {kind.name: kind.number for kind in kinds()}
+
+
+def build_over(boxes: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(nodes, boxes as the builder sorted them) of the hierarchy over `boxes`."""
+    nodes = records(rec.BVHNode, max(1, len(boxes) - 1))
+    boxes = boxes.copy()
+    tables = {"boxes": boxes, "bvh_nodes": nodes}
+    [count] = map_module(bvh_build.build_bvh, np.int32([len(boxes)]), np.float32(slack), tables=tables, width=1)
+    return nodes[:count], boxes
+
+
+@dataclass
+class Scene:
+    """Primitives by the name of their kind, and the tables that the search reads."""
+
+    primitives: dict[str, np.ndarray]
+    tables: dict[str, np.ndarray]
+
+    @classmethod
+    def of(cls, *, reach: float = 10.0, **primitives: np.ndarray) -> Scene:
+        """`reach`: how far from 0 rays may begin."""
+        counts = {kind.name: len(primitives.get(kind.name, ())) for kind in kinds()}
+        codes, costs = primitive_codes(kinds(), counts)
+        tables = {kind.table_name: primitives.get(kind.name, records(kind.record, 0)) for kind in kinds()}
+        boxes = records(rec.Box, len(codes))
+        fill = default_fillers(kinds())
+        if len(codes):
+            items = np.arange(len(codes), dtype=np.int32)
+            given = {**tables, "boxes": boxes}
+            map_module(initialise.initialise_object, items, codes, costs, fill=fill, tables=given)
+        finite = np.concatenate([boxes["low"], boxes["high"]])
+        scale = np.abs(finite[np.abs(finite) < 1e29]).max(initial=reach)
+        nodes, boxes = build_over(boxes, scale * ERROR_BOUND)
+        return cls(primitives, {**tables, "boxes": boxes, "bvh_nodes": nodes})
+
+    def nearest(self, origin: np.ndarray, direction: np.ndarray, left: Any = bvh.NOTHING, **options: Any) -> Any:
+        left = np.broadcast_to(np.int32(left), len(origin))
+        return self._search(bvh.nearest_intersection, origin, direction, left, **options)
+
+    def shadow(self, origin: np.ndarray, direction: np.ndarray, distance: Any, left: Any = bvh.NOTHING, **options: Any):
+        left = np.broadcast_to(np.int32(left), len(origin))
+        return self._search(bvh.shadow_intersection, origin, direction, left, distance, **options)
+
+    def _search(self, module: Any, *arguments: Any, **options: Any) -> Any:
+        return map_module(module, *arguments, fill=default_fillers(kinds()), tables=self.tables, **options)
+
+    def nearest_of_all(self, origin: np.ndarray, direction: np.ndarray, left: Any = bvh.NOTHING) -> Any:
+        """What `nearest` must give, by trying every primitive."""
+        nearest = np.full(len(origin), np.inf, np.float32)
+        hit = np.full(len(origin), bvh.NOTHING, np.int32)
+        left = np.broadcast_to(np.int32(left), len(origin))
+        by_name = {kind.name: kind for kind in kinds()}
+        for name, rows in self.primitives.items():
+            module = by_name[name].resolve("hit")
+            for index in range(len(rows)):
+                code = np.int32(index * 32 + NUMBERS[name])
+                t = map_module(module, rows[index], origin, direction, left == code)
+                closer = (t < nearest) | ((t == nearest) & (t < np.inf) & (code < hit))
+                nearest = np.where(closer, t, nearest)
+                hit = np.where(closer, code, hit)
+        return nearest, hit
