@@ -196,8 +196,8 @@ def _render(scene: Path, out: Path, stats: Path | None, arguments: dict[str, Any
 def info(scene: SceneFile, as_json: AsJson = False, debug: Debug = False) -> None:
     """Say what is in a scene."""
     with reported(debug):
+        from tasuki.renderers.info import info as scene_info
         from tasuki.scene import load_scene
-        from tasuki.scene.info import info as scene_info
         from tasuki.terminal import print_info
 
         content = scene_info(load_scene(scene))

@@ -30,7 +30,7 @@ def explain(name: str | Module, sections: Sequence[str] = ("ir", "lanes", "assem
 
     `sections` chooses among SECTIONS. Raises LinkError where there is no such module, SourceError where it is wrong.
     """
-    from tasuki.renderers.raytrace import default_fillers
+    from tasuki.renderers.prepared import default_fillers
     from tasuki.scene.kinds import kinds
 
     module = name if isinstance(name, Module) else resolve_module(name)

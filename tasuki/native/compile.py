@@ -38,7 +38,7 @@ def host() -> Host:
 
 @cache
 def lanes() -> int:
-    """The best packet width here: 16 with AVX-512 or AVX2 (as two halves: measured faster than 8), 8 with AVX, else 4."""
+    """The best packet width here: 16 with AVX-512 or AVX2 (two halves: measured faster than 8), 8 with AVX, else 4."""
     features = host().features.split(",")
     if "+avx512f" in features or "+avx2" in features:
         return 16

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from tasuki.ir.memory import MemoryTable
-from tasuki.language.declare import Case, Module
-from tasuki.machines.cpu.machine import Executable, Items, Number, Progress, Same
-from tasuki.modules import bvh_build, initialise, raytrace
+from tasuki.language.declare import Module
+from tasuki.machines.cpu.machine import Items, Progress, Same
+from tasuki.modules import bvh_build, raytrace
 from tasuki.modules import records as rec
 from tasuki.modules.bvh import primitive_hit
-from tasuki.modules.shading import diffuse_and_highlight, shading
-from tasuki.programs import REPORT, Filler, Options, executable
+from tasuki.modules.shading import shading
+from tasuki.programs import REPORT, Options, executable
 from tasuki.renderers.options import Region, RenderOptions
-from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind
-from tasuki.scene.memory import Memory
+from tasuki.renderers.prepared import UNBOUNDED, PreparedScene
 from tasuki.scene.model import Scene
-from tasuki.scene.pack import pack
 
 ERROR_BOUND = 2.0**-21
 """Of the fused slab test, relative to the largest coordinate: roundings of 2**-24 on distances of twice that size."""
@@ -29,10 +26,6 @@ TILE = 4
 """Pixels along the side of a tile: the 16 pixels of a tile travel together in a packet of 16 lanes."""
 CHUNK_TILES = 16
 """Tiles that a thread takes at a time; with more samples fewer, since threads stop for Ctrl-C between chunks only."""
-
-FILLED = {"primitive_hit": "hit", "primitive_surface": "surface", "primitive_bounds": "box"}
-"""Dispatch sockets, and the role of the module of each primitive kind that fills them."""
-
 
 SOCKETS = (shading, primitive_hit, raytrace.primitive_surface)
 """What a machine without a linker must fill before it traces."""
@@ -47,31 +40,30 @@ class RayTracer:
     def __init__(self, scene: Scene, options: RenderOptions, modules: Mapping[str, Module] | None = None) -> None:
         self.scene = scene
         self.options = options
-        self.modules = dict(modules or {})
         self.seconds: dict[str, float] = {}
         compiling = REPORT.seconds
         started = perf_counter()
-        self.packed = pack(scene)
-        self.memory = self._allocate()
-        self.kinds = [kind.narrowed(self.memory.table(kind.table_name)) for kind in self.packed.kinds]
+        self.prepared = PreparedScene(
+            scene, self._tables, modules, unchecked=options.unchecked, profile=options.profile
+        )
+        self.memory = self.prepared.memory
         self._fill_view()
         self.nodes = self._build_bvh()
         # Compiling the builder is no part of building: a second scene would not wait for it.
         self.seconds["build"] = perf_counter() - started - (REPORT.seconds - compiling)
-        self.program = self._compile(raytrace.trace_pixel, "items")
+        self.program = self.prepared.compile(raytrace.trace_pixel, "items")
 
     # --- making ready -------------------------------------------------------------------------------------------------
 
-    def _allocate(self) -> Memory:
-        builder = self.packed.builder
-        count = sum(self.packed.counts.values())
+    def _tables(self, primitives: int) -> dict[str, tuple[Any, int]]:
+        """What tracing needs beside the scene."""
         pixels = self.options.region.width * self.options.region.height
-        builder.add("views", (rec.View, 1))
-        builder.add("boxes", (rec.Box, count))
-        builder.add("bvh_nodes", (rec.BVHNode, max(1, count - 1) if count else 0))
-        builder.add("picture", (rec.Pixel, pixels))
-        builder.add("ray_counts", (rec.RayCounts, pixels))
-        return self.packed.build()
+        return {
+            "views": (rec.View, 1),
+            "bvh_nodes": (rec.BVHNode, max(1, primitives - 1) if primitives else 0),
+            "picture": (rec.Pixel, pixels),
+            "ray_counts": (rec.RayCounts, pixels),
+        }
 
     def _fill_view(self) -> None:
         options = self.options
@@ -87,32 +79,13 @@ class RayTracer:
         view["region_width"], view["region_height"] = region.width, region.height
 
     def _build_bvh(self) -> int:
-        """Fill the tables "boxes" and "bvh_nodes"; the number of nodes."""
-        codes, costs = primitive_codes(self.kinds, self.packed.counts)
-        if not len(codes):
-            return 0
-        initialiser = self._compile(initialise.initialise_object, "number", "items", "items")
-        initialiser.run([Number(), Items([codes]), Items([costs])], len(codes), tables=self.tables())
+        """Fill the table "bvh_nodes", and sort "boxes" by it; the number of nodes."""
         boxes = self.memory.table("boxes")
-        finite = np.concatenate([boxes["low"], boxes["high"], self.memory.table("views")["eye"]])
-        scale = np.abs(finite[np.abs(finite) < 1e29]).max(initial=0.0)
+        corners = np.concatenate([boxes["low"], boxes["high"], self.memory.table("views")["eye"]])
+        size = np.abs(corners[np.abs(corners) < UNBOUNDED]).max(initial=0.0)
         builder = executable(bvh_build.build_bvh, Options(("same", "same"), width=1, checked=False))
-        arguments = [Same([len(codes)]), Same([float(scale) * ERROR_BOUND])]
-        return int(builder.run(arguments, 1, tables=self.tables())[0][0])
-
-    def _compile(self, entry: Module, *bindings: str) -> Executable:
-        # Modules that come with the package may run unchecked: their tables were verified when they were packed.
-        checked = bool(self.modules) and not self.options.unchecked
-        options = Options(bindings, checked=checked, profile=self.options.profile)  # type: ignore[arg-type]
-        return executable(entry, options, self.fillers())
-
-    def fillers(self) -> dict[str, Filler]:
-        """What fills every socket: the user's modules, else ours; and for each primitive kind in use its own."""
-        return default_fillers(self.kinds) | self.modules
-
-    def tables(self) -> dict[str, MemoryTable]:
-        places = self.memory.tables
-        return {name: MemoryTable(self.memory.rows, place.base, place.count) for name, place in places.items()}
+        arguments = [Same([len(boxes)]), Same([float(size) * ERROR_BOUND])]
+        return int(builder.run(arguments, 1, tables=self.prepared.tables())[0][0])
 
     # --- rendering ----------------------------------------------------------------------------------------------------
 
@@ -143,15 +116,16 @@ class RayTracer:
         chunk = TILE * TILE * max(1, CHUNK_TILES // self.options.samples)
         threads = self.options.threads
         arguments = [Items([places])]
-        self.program.run(arguments, len(places), tables=self.tables(), threads=threads, chunk=chunk, progress=progress)
+        tables = self.prepared.tables()
+        self.program.run(arguments, len(places), tables=tables, threads=threads, chunk=chunk, progress=progress)
 
     def _trace_plainly(self, places: np.ndarray, progress: Progress | None) -> None:
         """Every pixel by the modules' own Python source, one after another: slow, and open to any Python debugger."""
         from tasuki.language.plain import tables
 
-        fillers = self.fillers()
+        fillers = self.prepared.fillers()
         with ExitStack() as stack:
-            stack.enter_context(tables(self.tables()))
+            stack.enter_context(tables(self.prepared.tables()))
             for socket in SOCKETS:
                 stack.enter_context(socket.filled(fillers[socket.name]))
             for number, place in enumerate(places.tolist()):
@@ -166,23 +140,6 @@ class RayTracer:
         eye = region.width * region.height * self.options.samples
         names = counts.dtype.names or ()
         return {"eye": eye} | {name: int(counts[name].sum(dtype=np.int64)) for name in names}
-
-
-def default_fillers(kinds: Sequence[PrimitiveKind]) -> dict[str, Filler]:
-    """What fills the sockets of the ray tracer by default; dispatch sockets with cases for `kinds`."""
-    filled: dict[str, Filler] = {"shading": diffuse_and_highlight}
-    for socket, role in FILLED.items():
-        filled[socket] = [
-            Case(kind.number, kind.resolve(role), kind.resolve("table"), kind.table_name) for kind in kinds
-        ]
-    return filled
-
-
-def primitive_codes(kinds: Sequence[PrimitiveKind], counts: Mapping[str, int]) -> tuple[np.ndarray, np.ndarray]:
-    """index * 32 + kind of every primitive, int32; and what each costs to intersect, float32."""
-    codes = [np.arange(counts[kind.name], dtype=np.int32) * MOST_KINDS + kind.number for kind in kinds]
-    costs = [np.full(counts[kind.name], kind.cost, np.float32) for kind in kinds]
-    return np.concatenate([np.zeros(0, np.int32), *codes]), np.concatenate([np.zeros(0, np.float32), *costs])
 
 
 def pixel_places(region: Region) -> np.ndarray:

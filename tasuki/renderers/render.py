@@ -234,7 +234,7 @@ def _stats(tracer: RayTracer) -> dict[str, Any]:
             "samples": options.samples,
             "depth": options.depth,
             "shapes": len(scene.shapes),
-            "primitives": dict(tracer.packed.counts),
+            "primitives": dict(tracer.prepared.packed.counts),
             "lights": len(scene.lights),
             "materials": len(scene.materials),
             "bvh_nodes": tracer.nodes,
@@ -263,8 +263,8 @@ def _machine(tracer: RayTracer) -> dict[str, Any]:
 def _modules(tracer: RayTracer) -> list[dict[str, Any]]:
     """The modules that filled sockets, and the kind of primitive where there is one for each."""
     rows = []
-    for socket, filler in sorted(tracer.fillers().items()):
-        kinds = tracer.kinds if isinstance(filler, Sequence) else [None]
+    for socket, filler in sorted(tracer.prepared.fillers().items()):
+        kinds = tracer.prepared.kinds if isinstance(filler, Sequence) else [None]
         modules = [case.module for case in filler] if isinstance(filler, Sequence) else [filler]
         for kind, module in zip(kinds, modules, strict=True):
             row = {"socket": socket, "kind": kind.name if kind else None, "name": module.name, "file": module.file}

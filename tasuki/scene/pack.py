@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
-from tasuki.scene.bounds import HOST_BOUNDS, outward
 from tasuki.scene.check import problems, without_degenerate
 from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, resolve
 from tasuki.scene.lower import TWO_SIDED, Primitives, lower
@@ -72,20 +71,6 @@ def pack(scene: Scene) -> Packed:
     builder.add("attributes", _verified("material", _attributes(scene)))
     builder.add("lights", _verified("light", _lights(scene)))
     return Packed(scene, primitives, builder)
-
-
-def bounds(packed: Packed) -> tuple[np.ndarray, np.ndarray]:
-    """`boxes` (n, 2, 3) float32, the low and high corner around every primitive, and `codes` (n,) int32.
-
-    A code is index * 32 + kind. Primitives stand by kind and index. The boxes hold the surfaces, rounded outward. They
-    are computed here, without a machine, and independently of the kinds' modules.
-    """
-    boxes = [np.zeros((0, 2, 3), np.float32)]
-    codes = [np.zeros(0, np.int32)]
-    for one in packed.primitives:
-        boxes.append(outward(*HOST_BOUNDS[one.kind.name](one.records)))
-        codes.append(np.arange(len(one.records), dtype=np.int32) * MOST_KINDS + one.kind.number)
-    return np.concatenate(boxes), np.concatenate(codes)
 
 
 def _attributes(scene: Scene) -> np.ndarray:

@@ -10,7 +10,8 @@ import numpy as np
 from tasuki.mapping import map_module
 from tasuki.modules import bvh, bvh_build, initialise
 from tasuki.modules import records as rec
-from tasuki.renderers.raytrace import ERROR_BOUND, default_fillers, primitive_codes
+from tasuki.renderers.prepared import default_fillers, primitive_codes
+from tasuki.renderers.raytrace import ERROR_BOUND
 from tasuki.scene.kinds import kinds
 from tests.modules.running import records
 

@@ -320,7 +320,7 @@ def test_plain_python_searches_alike(mixed):
     """Item by item, in CPython, with the sockets filled."""
     from contextlib import ExitStack
 
-    from tasuki.renderers.raytrace import default_fillers
+    from tasuki.renderers.prepared import default_fillers
     from tasuki.scene.kinds import kinds
 
     origin, direction = rays(64, 12, 8.0)

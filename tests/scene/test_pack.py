@@ -10,14 +10,12 @@ from hypothesis import strategies as st
 
 from tasuki.diagnostics import SceneError
 from tasuki.modules import records
-from tasuki.scene import Camera, Cone, Material, PointLight, Polygon, Scene, Sphere, load_scene
+from tasuki.scene import Camera, Cone, Material, PointLight, Polygon, Scene, Sphere
 from tasuki.scene import lower as lowering
-from tasuki.scene.bounds import quadric_bounds
-from tasuki.scene.info import info
 from tasuki.scene.kinds import lookup
 from tasuki.scene.memory import MOST_ROWS, MemoryBuilder
-from tasuki.scene.pack import bounds, pack, verify
-from tests.scene.strategies import cones, coordinates, nff_scenes, polygons
+from tasuki.scene.pack import pack, verify
+from tests.scene.strategies import polygons
 
 CAMERA = Camera((0.0, -5.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 45.0)
 DATA = Path(__file__).parents[1] / "data"
@@ -131,10 +129,25 @@ def areas(triangles):
 
 
 def test_a_convex_polygon_is_a_fan_from_its_first_corner():
-    square = Polygon(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)))
-    found = triangles_of(square)
-    assert found[:, 0].tolist() == [[0.0, 0.0, 0.0]] * 2
-    assert areas(found)[:, 2].tolist() == [0.5, 0.5]
+    house = Polygon(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.5, 1.5, 0.0), (0.0, 1.0, 0.0)))
+    found = triangles_of(house)
+    assert found[:, 0].tolist() == [[0.0, 0.0, 0.0]] * 3
+    assert areas(found)[:, 2].tolist() == [0.5, 0.5, 0.25]
+
+
+def test_a_flat_convex_quadrilateral_stays_whole():
+    points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (0.0, 1.0, 0.0))
+    memory = packed(Polygon(points)).build()
+    (quad,) = memory.table("quads")
+    assert [quad[name].tolist() for name in "abcd"] == [list(point) for point in points]
+    assert quad["normal_d"].tolist() == [0.0, 0.0, 1.0]
+    assert quad["kind"] == lookup("quad").number
+
+
+@pytest.mark.parametrize("height", [0.01, -0.5])
+def test_a_quadrilateral_that_is_not_flat_is_cut(height):
+    points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, height), (0.0, 1.0, 0.0))
+    assert len(triangles_of(Polygon(points))) == 2
 
 
 @pytest.mark.parametrize("first", range(4))
@@ -189,17 +202,14 @@ def test_a_zero_normal_is_replaced_by_that_of_the_face():
 def test_primitives_know_their_shapes_and_kinds():
     square = Polygon(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)))
     found = packed(square, Sphere((0.0, 0.0, 0.0), 1.0), square, Sphere((1.0, 0.0, 0.0), 1.0))
-    assert [kind.name for kind in found.kinds] == ["quadric", "triangle"]
-    assert found.counts == {"quadric": 2, "triangle": 4}
-    assert [one.shapes.tolist() for one in found.primitives] == [[1, 3], [0, 0, 2, 2]]
+    assert [kind.name for kind in found.kinds] == ["quadric", "quad"]
+    assert found.counts == {"quadric": 2, "quad": 2}
+    assert [one.shapes.tolist() for one in found.primitives] == [[1, 3], [0, 2]]
 
 
 def test_a_scene_of_nothing_packs():
     found = packed()
     assert found.kinds == ()
-    boxes, codes = bounds(found)
-    assert boxes.shape == (0, 2, 3)
-    assert len(codes) == 0
     assert found.build().tables["lights"].count == 0
 
 
@@ -227,68 +237,6 @@ def test_an_attribute_that_does_not_exist_is_found():
         verify(found, scene)
 
 
-# Bounds
-
-
-def inside(box, points):
-    return ((box[0] <= points) & (points <= box[1])).all()
-
-
-@given(st.tuples(coordinates, coordinates, coordinates), st.floats(1e-3, 1e4))
-def test_the_box_of_a_sphere_holds_it(centre, radius):
-    boxes, codes = bounds(packed(Sphere(centre, radius)))
-    assert codes.tolist() == [lookup("quadric").number]
-    record = packed(Sphere(centre, radius)).primitives[0].records[0]
-    reach = math.sqrt(record["constant"])
-    for axis in np.eye(3):
-        assert inside(boxes[0], record["centre"] + reach * axis)
-        assert inside(boxes[0], record["centre"] - reach * axis)
-    assert (boxes[0, 1] - boxes[0, 0] <= 2.0 * reach + 1e-5 * (reach + np.abs(centre).max())).all()
-
-
-@given(cones(Material()))
-def test_the_box_of_a_cone_holds_points_on_it(cone):
-    (box,), _ = bounds(packed(cone))
-    base, apex = np.array(cone.base), np.array(cone.apex)
-    axis = (apex - base) / np.linalg.norm(apex - base)
-    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    across /= np.linalg.norm(across)
-    third = np.cross(axis, across)
-    angles = np.linspace(0.0, math.tau, 33)
-    circle = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * third
-    # Records are float32: their surface is off the cone by so much.
-    slack = 4e-7 * (np.abs([base, apex]).max() + abs(cone.base_radius) + abs(cone.apex_radius))
-    grown = np.array([box[0] - slack, box[1] + slack])
-    for share in (0.0, 0.3, 1.0):
-        radius = abs(cone.base_radius) * (1.0 - share) + abs(cone.apex_radius) * share
-        assert inside(grown, base + share * (apex - base) + radius * circle)
-
-
-@given(nff_scenes())
-def test_every_primitive_has_a_box_and_a_code(scene):
-    found = pack(scene)
-    boxes, codes = bounds(found)
-    assert len(boxes) == len(codes) == sum(found.counts.values())
-    assert (boxes[:, 0] <= boxes[:, 1]).all()
-    assert len(set(codes.tolist())) == len(codes)
-    assert {code & 31 for code in codes.tolist()} == {kind.number for kind in found.kinds}
-
-
-def test_an_ellipsoid_with_a_linear_term():
-    # x^2 + (y/2)^2 - 2 x = 3 about (10, 0, 0), z free of it: (x - 1)^2 + (y/2)^2 + z^2 = 4.
-    quadric = np.zeros(2, records.Quadric.numpy_dtype())
-    quadric["centre"] = (10.0, 0.0, 0.0)
-    quadric["constant"] = 3.0
-    quadric["q1"], quadric["q2"], quadric["q3"] = (1.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, 0.0, 1.0)
-    quadric["l1"] = -2.0
-    quadric["q3"][1] = 0.0
-    low, high = quadric_bounds(quadric)
-    assert low[0] == pytest.approx([9.0, -4.0, -2.0], abs=1e-5)
-    assert high[0] == pytest.approx([13.0, 4.0, 2.0], abs=1e-5)
-    assert np.isinf(low[1]).all()
-    assert np.isinf(high[1]).all()
-
-
 # Memory
 
 
@@ -312,16 +260,3 @@ def test_a_picture_beyond_the_addresses_is_refused_before_it_is_allocated():
         builder.add("picture", (records.Pixel, 2 * MOST_ROWS))
     with pytest.raises(ValueError, match="already"):
         builder.add("views", (records.View, 1))
-
-
-# What `tasuki info` says
-
-
-def test_info_counts_shapes_primitives_and_materials():
-    found = info(load_scene(DATA / "still_life.nff"))
-    assert found["shapes"] == {"total": 32, "sphere": 14, "cylinder": 1, "cone": 9, "polygon": 8}
-    assert found["primitives"] == {"quadric": 14, "cone": 9 + 1, "triangle": 2 * 7 + 8}
-    assert sum(material["shapes"] for material in found["materials"]) == 32
-    assert found["bounds"]["low"][2] == -3.0
-    assert len(found["lights"]) == 3
-    assert found["warnings"] == []

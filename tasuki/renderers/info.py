@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from tasuki.renderers.prepared import PreparedScene
 from tasuki.scene.model import Scene, default_intensity
-from tasuki.scene.pack import bounds, pack
 from tasuki.scene.shapes import CONE, POLYGON, SPHERE
 
 
@@ -16,21 +16,19 @@ def info(scene: Scene) -> dict[str, Any]:
     """Counts, bounds, lights, materials and warnings of `scene`, as plain data that JSON can hold.
 
     "shapes" counts what the scene file holds (a polygon is one), "primitives" what machines intersect (its triangles),
-    by kind. "bounds" are the corners of the box around all shapes, None where there are none. Each material has the
-    number of its "shapes", each light the colour that it shines with. SceneError where the scene cannot be packed.
+    by kind. "bounds" are the corners of the box around all shapes that have bounds, None where there are none. Each
+    material has the number of its "shapes", each light the colour that it shines with. SceneError where the scene
+    cannot be packed.
     """
-    packed = pack(scene)
-    scene = packed.scene
-    boxes, _ = bounds(packed)
-    corners = (
-        {"low": boxes[:, 0].min(axis=0).tolist(), "high": boxes[:, 1].max(axis=0).tolist()} if len(boxes) else None
-    )
+    prepared = PreparedScene(scene)
+    scene = prepared.packed.scene
+    bounds = prepared.bounds()
     return {
         "camera": asdict(scene.camera),
         "background": list(scene.background),
         "shapes": _shape_counts(scene),
-        "primitives": dict(packed.counts),
-        "bounds": corners,
+        "primitives": dict(prepared.packed.counts),
+        "bounds": {"low": bounds[0].tolist(), "high": bounds[1].tolist()} if bounds else None,
         "lights": _lights(scene),
         "materials": _materials(scene),
         "warnings": list(scene.warnings),

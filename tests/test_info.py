@@ -1,0 +1,25 @@
+"""What `tasuki info` says of a scene."""
+
+from pathlib import Path
+
+from tasuki.renderers.info import info
+from tasuki.scene import Camera, Scene, Sphere, load_scene
+
+DATA = Path(__file__).parent / "data"
+
+
+def test_info_counts_shapes_primitives_and_materials():
+    found = info(load_scene(DATA / "still_life.nff"))
+    assert found["shapes"] == {"total": 32, "sphere": 14, "cylinder": 1, "cone": 9, "polygon": 8}
+    assert found["primitives"] == {"quadric": 14, "cone": 9 + 1, "triangle": 8, "quad": 7}
+    assert sum(material["shapes"] for material in found["materials"]) == 32
+    assert found["bounds"]["low"][2] == -3.0
+    assert len(found["lights"]) == 3
+    assert found["warnings"] == []
+
+
+def test_a_scene_of_nothing_has_no_bounds():
+    camera = Camera(eye=(0.0, 0.0, 5.0), at=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), angle=45.0)
+    assert info(Scene(camera, []))["bounds"] is None
+    ball = info(Scene(camera, [Sphere((1.0, 2.0, 3.0), 0.5)]))["bounds"]
+    assert ball == {"low": [0.5, 1.5, 2.5], "high": [1.5, 2.5, 3.5]}
