@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from tasuki.renderers.info import info
 from tasuki.scene import Camera, Scene, Sphere, load_scene
 
@@ -22,4 +24,6 @@ def test_a_scene_of_nothing_has_no_bounds():
     camera = Camera(eye=(0.0, 0.0, 5.0), at=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), angle=45.0)
     assert info(Scene(camera, []))["bounds"] is None
     ball = info(Scene(camera, [Sphere((1.0, 2.0, 3.0), 0.5)]))["bounds"]
-    assert ball == {"low": [0.5, 1.5, 2.5], "high": [1.5, 2.5, 3.5]}
+    assert ball is not None
+    assert ball["low"] == pytest.approx([0.5, 1.5, 2.5], abs=1e-5)
+    assert ball["high"] == pytest.approx([1.5, 2.5, 3.5], abs=1e-5)

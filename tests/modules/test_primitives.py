@@ -27,7 +27,8 @@ def rays(seed: int, count: int = COUNT, reach: float = 5.0) -> tuple[np.ndarray,
 
 
 def point_at(origin: np.ndarray, direction: np.ndarray, t: np.ndarray) -> np.ndarray:
-    return origin.astype(np.float64) + t[:, None] * direction.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        return origin.astype(np.float64) + t[:, None] * direction.astype(np.float64)
 
 
 # --- crossings --------------------------------------------------------------------------------------------------------
@@ -83,7 +84,7 @@ def test_quadratics_fall_where_they_enter_and_rise_where_they_leave():
             size = np.abs(a * t * t) + np.abs(2 * b * t) + np.abs(c)
             off = np.abs(a * t * t + 2 * b * t + c) > 1e-2 * steep / (np.abs(b) + steep) * size
             assert not (off & clear).any()
-    none = tame & (discriminant < -1e-6 * (b * b + np.abs(a * c)))
+        none = tame & (discriminant < -1e-6 * (b * b + np.abs(a * c)))
     assert np.isnan(enter[none]).all()
     assert np.isnan(leave[none]).all()
 
