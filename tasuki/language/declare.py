@@ -277,7 +277,7 @@ def _place(frame: FrameType) -> Span:
 
 
 @overload
-def module(function: FunctionType, /) -> Module: ...
+def module(function: Callable[..., Any], /) -> Module: ...
 @overload
 def module(
     *, number: int | None = None, method: str | None = None, fills: str | Socket | None = None
@@ -290,7 +290,7 @@ def module(function: Any = None, /, **options: Any) -> Any:
 
 
 @overload
-def socket(function: FunctionType, /) -> Socket: ...
+def socket(function: Callable[..., Any], /) -> Socket: ...
 @overload
 def socket(*, dispatch: bool = False) -> Callable[[Any], Socket]: ...
 def socket(function: Any = None, /, *, dispatch: bool = False) -> Any:
