@@ -12,24 +12,23 @@ import pytest
 from tasuki.mapping import map_module
 from tasuki.modules import cone, plane, quad, quadric, triangle
 from tasuki.modules.crossing import NOWHERE, first_crossing, quadratic_crossings
-from tasuki.modules.records import INSIDE_ONLY, SPHERE, TWO_SIDED, Cone, Plane, Quad, Quadric, Triangle
+from tasuki.modules.records import INSIDE_ONLY, SPHERE, TWO_SIDED, Plane
+from tests.modules.primitives import (
+    COUNT,
+    SHAPES,
+    cones,
+    gradient_of,
+    planes,
+    point_at,
+    quadric_of,
+    quads,
+    random_quadrics,
+    rays,
+    spheres,
+    triangles,
+    value_at,
+)
 from tests.modules.running import EPSILON, dot, everywhere, exactly, random_directions, records, unit
-
-COUNT = 4001
-
-
-def rays(seed: int, count: int = COUNT, reach: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
-    """Origins around 0 and unit directions, float32; two thirds of the rays go by the middle."""
-    draw = np.random.default_rng(seed)
-    origin = draw.uniform(-reach, reach, (count, 3)).astype(np.float32)
-    aimed = unit(draw.uniform(-2, 2, (count, 3)) - origin)
-    return origin, np.where(np.arange(count)[:, None] % 3 == 0, random_directions(draw, count), aimed)
-
-
-def point_at(origin: np.ndarray, direction: np.ndarray, t: np.ndarray) -> np.ndarray:
-    with np.errstate(invalid="ignore"):
-        return origin.astype(np.float64) + t[:, None] * direction.astype(np.float64)
-
 
 # --- crossings --------------------------------------------------------------------------------------------------------
 
@@ -105,11 +104,6 @@ def test_a_linear_equation_has_one_crossing():
 # --- planes -----------------------------------------------------------------------------------------------------------
 
 
-def planes(seed: int, count: int = COUNT, flags: int = TWO_SIDED) -> np.ndarray:
-    draw = np.random.default_rng(seed)
-    return records(Plane, count, normal=random_directions(draw, count), d=draw.normal(size=count) * 3, flags=flags)
-
-
 def test_hits_of_planes_lie_in_them():
     given, (origin, direction) = planes(1), rays(2)
     t = everywhere(plane.plane_intersection, given, origin, direction)
@@ -145,53 +139,6 @@ def test_a_plane_is_not_met_by_rays_that_leave_it_or_run_along_it():
 # --- quadrics ---------------------------------------------------------------------------------------------------------
 
 
-def quadric_of(matrix: np.ndarray, centre: np.ndarray, linear: np.ndarray, constant: np.ndarray, flags: int = 0):
-    result = records(Quadric, len(matrix), centre=centre, constant=constant, flags=flags)
-    for axis in range(3):
-        result[f"q{axis + 1}"] = matrix[:, :, axis]
-        result[f"l{axis + 1}"] = linear[:, axis]
-    return result
-
-
-SHAPES = {
-    "ellipsoid": ([1, 2, 0.5], [0, 0, 0], 1),
-    "ellipsoid inside out": ([-1, -2, -0.5], [0, 0, 0], -1),
-    "cylinder": ([1, 0.5, 0], [0, 0, 0], 1),
-    "double cone": ([1, 1, -0.5], [0, 0, 0], 0),
-    "hyperboloid of one sheet": ([1, 1, -0.5], [0, 0, 0], 1),
-    "hyperboloid of two sheets": ([1, 1, -0.5], [0, 0, 0], -1),
-    "paraboloid": ([1, 0.5, 0], [0, 0, -1], 0),
-    "saddle": ([1, -0.5, 0], [0, 0, -1], 0),
-    "plane pair": ([1, 0, 0], [0, 0, 0], 1),
-    "displaced": ([1, 2, 0.5], [0.5, -1, 1], 1),
-}
-
-
-def random_quadrics(name: str, seed: int, count: int = COUNT) -> np.ndarray:
-    """Quadrics of one shape, turned and moved at random; every fifth stands exactly as given."""
-    draw = np.random.default_rng(seed)
-    diagonal, linear, constant = SHAPES[name]
-    turn = np.linalg.qr(draw.normal(size=(count, 3, 3)))[0]
-    turn[::5] = np.eye(3)
-    matrix = turn @ (np.diag(diagonal) * draw.uniform(0.5, 2, (count, 1, 1))) @ turn.transpose(0, 2, 1)
-    # Symmetric to the last bit, as records are.
-    matrix = np.float32(matrix + matrix.transpose(0, 2, 1)) / 2
-    centre = draw.uniform(-2, 2, (count, 3))
-    centre[::5] = 0
-    return quadric_of(matrix, centre, np.einsum("nij,j->ni", turn, linear), np.full(count, constant))
-
-
-def value_at(given: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """In float64 the left side less the right, half its gradient's length, and the size of what was added up."""
-    v = point - given["centre"]
-    matrix = np.stack([given["q1"], given["q2"], given["q3"]], axis=-1).astype(np.float64)
-    linear = np.stack([given["l1"], given["l2"], given["l3"]], axis=-1).astype(np.float64)
-    gradient = np.einsum("nij,nj->ni", matrix, v) + 0.5 * linear
-    value = np.einsum("ni,nij,nj->n", v, matrix, v) + dot(linear, v) - given["constant"]
-    size = np.einsum("ni,nij,nj->n", np.abs(v), np.abs(matrix), np.abs(v)) + dot(np.abs(linear), np.abs(v))
-    return value, np.linalg.norm(gradient, axis=-1), size + np.abs(given["constant"])
-
-
 @pytest.mark.parametrize("name", SHAPES)
 def test_crossings_of_quadrics(name):
     """They lie on the surface; the ray falls into IN where it enters and rises out of it where it leaves."""
@@ -213,13 +160,6 @@ def test_crossings_of_quadrics(name):
         assert (np.abs(value) <= bound)[clear].all()
         judged += clear.sum()
     assert judged > COUNT / 4
-
-
-def gradient_of(given: np.ndarray, point: np.ndarray) -> np.ndarray:
-    v = point - given["centre"]
-    matrix = np.stack([given["q1"], given["q2"], given["q3"]], axis=-1).astype(np.float64)
-    linear = np.stack([given["l1"], given["l2"], given["l3"]], axis=-1)
-    return np.einsum("nij,nj->ni", matrix, v) + 0.5 * linear
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -273,14 +213,6 @@ def test_rays_that_leave_a_quadric_have_a_crossing_at_exactly_zero(name):
     given["flags"] = TWO_SIDED
     hit = map_module(quadric.quadric_hit, given, surface, outward, np.ones(COUNT, bool))
     assert not (hit[there] <= 0).any()
-
-
-def spheres(seed: int, count: int = COUNT, flags: int = 0) -> np.ndarray:
-    draw = np.random.default_rng(seed)
-    matrix = np.tile(np.eye(3), (count, 1, 1))
-    radius = 10 ** draw.uniform(-3, 1, count)
-    centre = draw.uniform(-3, 3, (count, 3))
-    return quadric_of(matrix, centre, np.zeros((count, 3)), radius**2, SPHERE | flags)
 
 
 def test_crossings_of_spheres():
@@ -380,17 +312,6 @@ def test_bounds_of_a_sphere_are_tight():
 # --- cones and cylinders ----------------------------------------------------------------------------------------------
 
 
-def cones(seed: int, count: int = COUNT, flags: int = TWO_SIDED) -> np.ndarray:
-    """A third cylinders, a third cones with an apex, a third cut; both ways round."""
-    draw = np.random.default_rng(seed)
-    radius, length = draw.uniform(0.3, 2, count), draw.uniform(0.5, 3, count)
-    end = np.choose(np.arange(count) % 3, [radius, 0 * radius, draw.uniform(0, 2, count)])
-    axis = random_directions(draw, count)
-    base = draw.uniform(-2, 2, (count, 3))
-    slope = (end - radius) / length
-    return records(Cone, count, base=base, axis=axis, radius=radius, length=length, slope=slope, flags=flags)
-
-
 def cone_terms(given: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Height above the base, distance from the axis, and the radius there."""
     f = point - given["base"]
@@ -453,171 +374,6 @@ def test_bounds_of_cones_hold_their_points():
             point = given["base"] + height[:, None] * given["axis"] + radius[:, None] * outward
             slack = 20 * EPSILON * (1 + np.abs(point))
             assert ((low - slack <= point) & (point <= high + slack)).all()
-
-
-# --- triangles and quadrilaterals -------------------------------------------------------------------------------------
-
-
-def triangles(seed: int, count: int = COUNT, flags: int = TWO_SIDED) -> np.ndarray:
-    draw = np.random.default_rng(seed)
-    corners = draw.uniform(-2, 2, (3, count, 3))
-    normals = np.stack([random_directions(draw, count) for _ in range(3)])
-    return records(
-        Triangle,
-        count,
-        **dict(zip(("a", "b", "c"), corners, strict=True)),
-        **dict(zip(("normal_a", "normal_b", "normal_c"), normals, strict=True)),
-        flags=flags,
-    )
-
-
-def barycentric(given: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of the corners in float64, and the height above the plane."""
-    a, b, c = (given[name].astype(np.float64) for name in "abc")
-    normal = np.cross(b - a, c - a)
-    area = dot(normal, normal)
-    weights = [dot(np.cross(q - p, point - p), normal) / area for p, q in ((b, c), (c, a), (a, b))]
-    return np.stack(weights, axis=-1), dot(normal, point - a) / np.sqrt(area)
-
-
-def test_hits_of_triangles():
-    given, (origin, direction) = triangles(32), rays(33)
-    aim = (given["a"] + given["b"] + given["c"]) / 3
-    direction[::2] = unit(aim - origin)[::2]
-    hit = everywhere(triangle.triangle_hit, given, origin, direction, np.zeros(COUNT, bool))
-    normal = np.cross(given["b"] - given["a"], given["c"] - given["a"]).astype(np.float64)
-    flat = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-    steepness = np.abs(dot(flat, direction))
-    fair = (steepness > 1e-2) & (np.linalg.norm(normal, axis=-1) > 0.1)
-    met = np.isfinite(hit) & fair
-    exact = dot(flat, given["a"] - origin.astype(np.float64)) / dot(flat, direction)
-    weights, _ = barycentric(given, point_at(origin, direction, np.where(fair, exact, 0)))
-    np.testing.assert_allclose(hit[met], exact[met], rtol=0, atol=3e-4)
-    assert (weights[met] > -1e-4).all()
-    assert (np.abs(hit - exact) * steepness)[met].max() < 1e-5
-    missed = ~np.isfinite(hit) & fair
-    assert not ((weights[missed] > 1e-4).all(axis=-1) & (exact[missed] > 1e-4)).any()
-    assert met.sum() > COUNT / 4
-    assert np.isinf(everywhere(triangle.triangle_hit, given, origin, direction, np.ones(COUNT, bool))).all()
-
-
-def test_sides_of_triangles():
-    given, (origin, direction) = triangles(34), rays(35)
-    aim = (given["a"] + given["b"] + given["c"]) / 3
-    direction = unit(aim - origin)
-    normal = np.cross(given["b"] - given["a"], given["c"] - given["a"])
-    facing = dot(normal, direction)
-    fair = np.abs(facing) > 1e-3
-    both = map_module(triangle.triangle_hit, given, origin, direction, False)
-    for flags, shows in ((0, facing < 0), (INSIDE_ONLY, facing > 0)):
-        given["flags"] = flags
-        hit = everywhere(triangle.triangle_hit, given, origin, direction, np.zeros(COUNT, bool))
-        np.testing.assert_array_equal(hit[fair], np.where(shows, both, np.inf)[fair])
-
-
-def test_smooth_normals_are_weighted_by_where_the_ray_passes():
-    given, (origin, _) = triangles(36), rays(37)
-    for name in ("normal_a", "normal_b", "normal_c"):
-        given[name][:, 2] = np.abs(given[name][:, 2]) + 1
-    weights = np.random.default_rng(38).dirichlet([1, 1, 1], COUNT)
-    aim = sum(weights[:, k, None] * given[name] for k, name in enumerate("abc"))
-    direction = unit(aim - origin)
-    point = aim.astype(np.float32)
-    flat, smooth, attribute = everywhere(triangle.triangle_surface, given, origin, direction, point)
-    normal = np.cross(given["b"] - given["a"], given["c"] - given["a"])
-    fair = (np.abs(dot(normal, direction)) > 0.05) & (np.linalg.norm(aim - origin, axis=-1) > 0.1)
-    expected = sum(weights[:, k, None] * given[f"normal_{name}"] for k, name in enumerate("abc"))
-    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
-    assert np.abs(smooth - expected)[fair].max() < 1e-4
-    assert np.abs(np.abs(dot(flat, normal)) / np.linalg.norm(normal, axis=-1) - 1)[fair].max() < 1e-6
-    np.testing.assert_array_equal(attribute, 0)
-
-
-@pytest.mark.parametrize("size", [1.0, 1e-2, 1e-3])
-def test_small_triangles_far_away_are_hit_where_they_are(size):
-    """A ray's place in the triangle is off by roundings of its distance, not of the distance's square over the size."""
-    draw = np.random.default_rng(39)
-    given, (origin, _) = triangles(40), rays(41, reach=10)
-    middle = draw.uniform(-5, 5, (COUNT, 3))
-    corners = middle[None] + size * draw.normal(size=(3, COUNT, 3))
-    for name, corner in zip("abc", corners, strict=True):
-        given[name] = corner
-    weights = draw.dirichlet([1, 1, 1], COUNT)
-    weights += draw.choice([-0.2, 0.0], (COUNT, 1)) * (weights == weights.max(axis=1, keepdims=True))
-    weights /= weights.sum(axis=1, keepdims=True)
-    aim = sum(weights[:, k, None] * given[name].astype(np.float64) for k, name in enumerate("abc"))
-    direction = unit(aim - origin)
-    hit = everywhere(triangle.triangle_hit, given, origin, direction, np.zeros(COUNT, bool))
-    normal = np.cross(given["b"].astype(np.float64) - given["a"], given["c"].astype(np.float64) - given["a"])
-    flat = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-    exact = dot(flat, given["a"] - origin.astype(np.float64)) / dot(flat, direction)
-    where, _ = barycentric(given, point_at(origin, direction, exact))
-    edges = np.stack([given["c"] - given["b"], given["a"] - given["c"], given["b"] - given["a"]])
-    lengths = np.linalg.norm(edges, axis=-1).T
-    # How far within the triangle, seen along the ray, against roundings of the distance.
-    heights = np.linalg.norm(normal, axis=-1)[:, None] / lengths * np.abs(dot(flat, direction))[:, None]
-    margin = (where * heights).min(axis=1)
-    bound = 30 * EPSILON * (np.linalg.norm(origin, axis=-1) + np.linalg.norm(aim, axis=-1))
-    assert np.isfinite(hit)[margin > bound].all()
-    assert not np.isfinite(hit)[margin < -bound].any()
-    assert (np.abs(margin) > bound).mean() > 0.5
-
-
-def quads(seed: int, count: int = COUNT, flags: int = TWO_SIDED) -> np.ndarray:
-    """Flat convex quadrilaterals: the corners of affinely mapped squares, pulled towards one another."""
-    draw = np.random.default_rng(seed)
-    right, up, middle = draw.normal(size=(3, count, 3))
-    pulls = draw.uniform(0.6, 1.0, (4, count, 1))
-    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    corners = [middle + pull * (x * right + y * up) for (x, y), pull in zip(signs, pulls, strict=True)]
-    normal = np.cross(right, up)
-    fields = dict(zip("abcd", corners, strict=True)) | {f"normal_{name}": normal for name in "abcd"}
-    return records(Quad, count, **fields, flags=flags)
-
-
-def halves(given: np.ndarray) -> list[np.ndarray]:
-    """The triangles abc and acd of quadrilaterals."""
-    pairs = []
-    for corners in ("abc", "acd"):
-        fields = {target: given[source] for target, source in zip("abc", corners, strict=True)}
-        fields |= {f"normal_{target}": given[f"normal_{source}"] for target, source in zip("abc", corners, strict=True)}
-        pairs.append(records(Triangle, len(given), **fields, flags=given["flags"]))
-    return pairs
-
-
-def test_quadrilaterals_are_two_triangles():
-    given, (origin, direction) = quads(42), rays(43)
-    direction[::2] = unit(given["a"] * 0.5 + given["c"] * 0.3 + given["b"] * 0.2 - origin)[::2]
-    leaving = np.zeros(COUNT, bool)
-    hit = everywhere(quad.quad_hit, given, origin, direction, leaving)
-    both = np.fmin(*(map_module(triangle.triangle_hit, half, origin, direction, leaving) for half in halves(given)))
-    normal = np.cross(given["c"] - given["a"], given["d"] - given["b"]).astype(np.float64)
-    size = np.linalg.norm(normal, axis=-1)
-    fair = (np.abs(dot(normal, direction)) > 0.05 * size) & (size > 0.1)
-    np.testing.assert_array_equal(np.isfinite(hit)[fair], np.isfinite(both)[fair])
-    met = fair & np.isfinite(hit)
-    assert met.sum() > COUNT / 4
-    np.testing.assert_allclose(hit[met], both[met], atol=2e-4)
-    flat, smooth, _ = everywhere(quad.quad_surface, given, origin, direction, point_at(origin, direction, both))
-    assert np.abs(np.abs(dot(flat, normal)) / size - 1)[met].max() < 1e-5
-    assert np.abs(dot(smooth, normal) / size - 1)[met].max() < 1e-5
-
-
-@pytest.mark.parametrize(("module", "made"), [(triangle.triangle_bounds, triangles), (quad.quad_bounds, quads)])
-def test_bounds_of_polygons_are_those_of_their_corners(module, made):
-    given = made(44)
-    low, high = everywhere(module, given)
-    corners = np.stack([given[name] for name in "abcd" if name in (given.dtype.names or ())])
-    np.testing.assert_array_equal(low, corners.min(axis=0))
-    np.testing.assert_array_equal(high, corners.max(axis=0))
-
-
-def test_a_degenerate_triangle_is_never_hit():
-    given = records(Triangle, 3, a=[0, 0, 1], b=[[0, 0, 1], [1, 0, 1], [2, 2, 1]], c=[[0, 0, 1], [2, 0, 1], [1, 1, 1]])
-    given["flags"] = TWO_SIDED
-    for direction in ([0, 0, 1.0], [0.6, 0, 0.8]):
-        hit = everywhere(triangle.triangle_hit, given, np.zeros(3), np.array(direction), False)
-        assert not (hit < np.inf).any()
 
 
 # --- all kinds --------------------------------------------------------------------------------------------------------

@@ -10,9 +10,9 @@ from tasuki.modules import bvh
 from tasuki.modules import records as rec
 from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, TWO_SIDED
 from tests.machines.running import WIDTHS, assert_same_bits
+from tests.modules.primitives import cones, planes, quads, random_quadrics, rays, spheres, triangles
 from tests.modules.running import dot, everywhere, random_directions, records, unit
 from tests.modules.searching import NUMBERS, Scene, build_over
-from tests.modules.test_primitives import cones, planes, quads, random_quadrics, rays, spheres, triangles
 
 # --- the slab test ----------------------------------------------------------------------------------------------------
 
