@@ -205,6 +205,14 @@ def test_a_region_of_the_picture(scene: Scene):
     np.testing.assert_array_equal(part, whole[2:6, 3:8])
 
 
+def test_a_very_high_picture(scene: Scene):
+    """Rows beyond 32768, whose place in a word has its sign bit set."""
+    whole = render(scene, size=(2, 40000))
+    part = render(scene, size=(2, 40000), region=(0, 39980, 2, 20))
+    np.testing.assert_array_equal(whole.pixels[39980:], part.pixels)
+    assert whole.stats["rays"]["eye_hits"] == np.count_nonzero(whole.pixels[..., 3])
+
+
 def test_plain_python_makes_the_same_picture(scene: Scene):
     plain = render(scene, machine="python")
     np.testing.assert_array_equal(plain.pixels, render(scene).pixels)

@@ -129,7 +129,8 @@ def trace_pixel(place: i32):
     """Render the pixel of the region at row `place // 65536` and column `place % 65536` into the picture."""
     view = views[0]
     column = place & 65535
-    row = place >> 16
+    # From row 32768 on `place` is negative: the shift brings copies of its sign.
+    row = place >> 16 & 65535
     total = Traced(vec3(0.0), 0, 0, 0)
     for sample in range(view.samples):
         x = f32(view.region_x + column) + sample_offset(sample, GOLDEN_X)

@@ -86,10 +86,6 @@ def render(
     # A size that was given is checked before anything is loaded.
     options = options_for(size) if size else None
     fillers = _resolve(modules or {})
-    fillers = _resolve(modules or {})
-    fillers = _resolve(modules or {})
-    fillers = _resolve(modules or {})
-    fillers = _resolve(modules or {})
     tell = progress or (lambda doing, share: None)
     tell("loading", None)
     loaded, loading = _load(scene)
