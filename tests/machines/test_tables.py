@@ -386,3 +386,13 @@ def test_an_array_is_zero_again_when_its_life_begins_again(width):
     counts = np.array([0, 5, 2, 7, 1, 3], np.int32)
     executable = compile_program(made, ["items"], width)
     assert run_compiled(executable, ["items"], [[counts]], 6)[0].tolist() == counts.tolist()
+
+
+def test_memory_that_begins_between_rows_is_refused():
+    words = np.zeros(4 * 64, np.float32)
+    start = 1 if words.ctypes.data % 16 == 0 else 0
+    memory = words[start : start + 4 * 32].reshape(32, 4)
+    made = program(function([n.Return(n.Length(MIXED_TABLE, I32))], {"x": I32}, I32), tables={"things": MIXED})
+    executable = compile_program(made, ["items"], 4)
+    with pytest.raises(MachineError, match="multiple of 16 bytes"):
+        run_compiled(executable, ["items"], [[np.zeros(3, np.int32)]], 3, tables={"things": MemoryTable(memory, 0, 1)})

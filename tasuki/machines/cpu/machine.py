@@ -19,6 +19,8 @@ from tasuki.native.buffers import aligned_zeros
 from tasuki.native.compile import Library
 
 STORED_DTYPE = {"f32": np.float32, "i32": np.int32, "bool": np.int32}
+ROW_BYTES = 16
+"""Of the memory: rows are loaded and stored whole."""
 POLL_SECONDS = 0.02
 Progress = Callable[[float], None]
 """Called now and then with the share of the work that has been taken, 0..1."""
@@ -61,10 +63,11 @@ class EdgeProfile:
 class Shape:
     """What the host must know of compiled code: JSON in the object cache."""
 
-    parameters: list[list[str] | None]
-    """The scalars of each parameter's leaves; None for a table."""
+    parameters: list[list[str] | int]
+    """The scalars of each parameter's leaves; for a table the rows that one of its records takes."""
     result: list[str]
-    tables: list[str]
+    tables: dict[str, int]
+    """The named tables in the order in which the context holds them, and the rows that one record takes."""
     width: int
     sites: list[AccessSite]
     profiled: list[tuple[str, str]]
@@ -184,10 +187,11 @@ class _Run:
         words: list[int] = []
         for scalars, argument in zip(shape.parameters, arguments, strict=True):
             words += self._bind(scalars, argument)
-        for name in shape.tables:
-            if name not in tables:
-                raise MachineError(f"the program reads table `{name}`, which was not given")
-            words += self._table(tables[name])
+        missing = [f"`{name}`" for name in shape.tables if name not in tables]
+        if missing:
+            raise MachineError(f"the program needs tables that it was not given: {', '.join(missing)}")
+        for name, rows in shape.tables.items():
+            words += self._table(tables[name], rows, f"table `{name}`")
         self.outputs = [aligned_zeros(self.padded, STORED_DTYPE[scalar]) for scalar in shape.result]
         words += [output.ctypes.data for output in self.outputs]
         self.context = aligned_zeros(ARGUMENTS + len(words), np.int64)
@@ -197,10 +201,10 @@ class _Run:
         self.counters = aligned_zeros((max(1, len(shape.profiled)), WORDS), np.int64)
         self.context[PROFILE] = self.counters.ctypes.data
 
-    def _bind(self, scalars: list[str] | None, argument: Argument) -> list[int]:
-        if scalars is None:
+    def _bind(self, scalars: list[str] | int, argument: Argument) -> list[int]:
+        if isinstance(scalars, int):
             assert isinstance(argument, MemoryTable), "a table parameter takes a table"
-            return self._table(argument)
+            return self._table(argument, scalars, "a table parameter's table")
         if isinstance(argument, Number):
             return []
         assert not isinstance(argument, MemoryTable)
@@ -214,14 +218,20 @@ class _Run:
         self.kept.append(buffer)
         return buffer.ctypes.data
 
-    def _table(self, table: MemoryTable) -> list[int]:
+    def _table(self, table: MemoryTable, rows: int, what: str) -> list[int]:
+        end = table.base + table.count * rows
+        if table.base < 0 or table.count < 0 or end > len(table.memory):
+            raise MachineError(f"{what} takes rows {table.base} to {end} of a memory that has {len(table.memory)}")
         if table.count == 0:
             # Failed accesses read row 0 in the place of theirs: it must exist.
             empty = aligned_zeros((64, 4), np.float32)
             self.kept.append(empty)
             return [empty.ctypes.data, 0]
+        address = table.memory.ctypes.data + ROW_BYTES * table.base
+        if address % ROW_BYTES:
+            raise MachineError(f"a memory for this machine begins at a multiple of {ROW_BYTES} bytes")
         self.kept.append(table.memory)
-        return [table.memory.ctypes.data + 16 * table.base, table.count]
+        return [address, table.count]
 
     def results(self) -> list[np.ndarray]:
         pairs = zip(self.outputs, self.shape.result, strict=True)
