@@ -11,6 +11,10 @@ from tasuki.machines.pu.isa.fields import DEFAULT, Field, InstructionSet
 Word = int
 """One microinstruction as a number, its first field in the most significant bits."""
 
+BANK_MASKS = {"".join(bank for i, bank in enumerate("xyzs") if mask >> (3 - i) & 1): mask for mask in range(1, 16)}
+"""The names of bank masks: `x` is 8, `yz` is 6, `xyzs` is 15."""
+_BANKS = {mask: name for name, mask in BANK_MASKS.items()}
+
 
 class EncodingError(TasukiError):
     """Fields that no microinstruction can hold. `problems` lists (field name, what is wrong)."""
@@ -36,10 +40,7 @@ def number(one: Field, value: int | float | str) -> int:
     A literal takes floats (as binary32) and integers from -2**31 to 2**32 - 1; the other fields take 0 to 2**width - 1.
     """
     if isinstance(value, str):
-        if value in one.codes:
-            return one.codes[value]
-        choices = ", ".join(one.codes) if one.codes else "a number"
-        raise ValueError(f"'{value}' is not a value of {one.name}: expected {choices}")
+        return _named(one, value)
     if isinstance(value, float):
         if one.kind != "literal":
             raise ValueError(f"{one.name} takes whole numbers, not {value}")
@@ -50,6 +51,16 @@ def number(one: Field, value: int | float | str) -> int:
     if one.kind == "choice" and value not in one.by_code:
         raise ValueError(f"{value} has no meaning in {one.name}: expected one of {', '.join(one.codes)}")
     return value & one.mask
+
+
+def _named(one: Field, name: str) -> int:
+    """The bits for a mnemonic: of a choice, or the banks of a mask (`xyz`)."""
+    if name in one.codes:
+        return one.codes[name]
+    if one.kind == "mask" and name in BANK_MASKS:
+        return BANK_MASKS[name]
+    choices = ", ".join(one.codes) or ("banks, such as xyz" if one.kind == "mask" else "a number")
+    raise ValueError(f"'{name}' is not a value of {one.name}: expected {choices}")
 
 
 def encode(fields: Mapping[str, int | float | str], isa: InstructionSet = DEFAULT) -> Word:
@@ -79,6 +90,7 @@ def mnemonics(word: Word, isa: InstructionSet = DEFAULT) -> dict[str, int | str]
     shown: dict[str, int | str] = {}
     for name, code in decode(word, isa).items():
         if code:
-            value = isa.by_name[name].by_code.get(code)
-            shown[name] = value.name if value else code
+            one = isa.by_name[name]
+            value = one.by_code.get(code)
+            shown[name] = _BANKS[code] if one.kind == "mask" else value.name if value else code
     return shown

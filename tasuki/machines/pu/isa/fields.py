@@ -116,7 +116,7 @@ def _tables(w: Widths) -> Iterator[Field]:
 
 def _memory(w: Widths) -> Iterator[Field]:
     yield Field("mem.op", w.memory_op, "choice", "Access to one row of the data memory.", values.MEMORY_OPERATIONS)
-    yield Field("mem.on", 4, "mask", "Enabled banks: 8 = X, 4 = Y, 2 = Z, 1 = S.")
+    yield Field("mem.on", 4, "mask", "Enabled banks: 8 = X, 4 = Y, 2 = Z, 1 = S; also as letters, `xyz`.")
     for bank in "xyzs":
         meaning = f"What bank {bank.upper()}'s data bus carries (memory write and display)."
         yield Field(f"mem.{bank}", w.memory_data, "choice", meaning, values.MEMORY_DATA)

@@ -27,8 +27,9 @@ The special flag is false for every other x.
 **Accurate tables.** `rcp` does not hold the reciprocal of the middle of its interval, but of a point z near the middle
 whose reciprocal lies almost exactly on a binary32 number (S. Gal, "Computing elementary functions: a new approach for
 achieving high accuracy and good performance", 1986). `point` gives z itself, so that 1/x = Y - Y*Y*(x - z) + ... starts
-from a Y that is better than its 24 bits at z: off by 0.0024 ulp in the median, 0.43 ulp in the worst interval (near the
-square root of 2, where neighbouring candidates all round alike). Newton's x*L, 1-S, L*S, L+S may use `rcp` alone, as if it were any seed.
+from a Y that is better than its 24 bits at z: off by 0.0024 ulp in the median, 0.43 ulp in the worst interval (near
+the square root of 2, where neighbouring candidates all round alike). Newton's x*L, 1-S, L*S, L+S may use `rcp` alone,
+as if it were any seed.
 
 Relative errors, over all x whose answer is normal (`worst_seed_error` measures them): rcp 1.25 * 2**-13, sqrt
 1.12 * 2**-13. Sine and cosine are rounded to nearest binary32.
