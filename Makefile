@@ -7,7 +7,7 @@ BIN := .venv/bin
 
 demo: .venv/ready
 	@mkdir -p out
-	$(BIN)/tasuki render tests/data/still_life.nff --size 800x600 --samples 16 -o out/still_life.png
+	$(BIN)/tasuki render tests/data/still_life.nff --size 800x600 --samples 16 --depth 8 -o out/still_life.png
 
 test: .venv/ready-dev
 	$(BIN)/ruff check .

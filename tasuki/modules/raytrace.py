@@ -4,10 +4,10 @@ T. Whitted, "An Improved Illumination Model for Shaded Display", 1980.
 """
 
 from tasuki.language import abs, dot, f32, floor, i32, max, module, norm, reciprocal, record, socket, vec3
-from tasuki.modules.bvh import NOTHING, nearest_intersection, shadow_intersection
-from tasuki.modules.directions import reflection_direction, view_direction
-from tasuki.modules.records import Attribute, Pixel, RayCounts, View, attributes, lights, picture, ray_counts, views
-from tasuki.modules.shading import accumulate_luminance, shading
+from tasuki.modules.bvh import shadow_intersection
+from tasuki.modules.directions import view_direction
+from tasuki.modules.records import Attribute, Pixel, RayCounts, View, lights, picture, ray_counts, views
+from tasuki.modules.shading import shading
 
 ROUNDING = 4.76837158e-7
 """2**-21: relative error, with room to spare, of a hit point and of the way to it."""
@@ -24,12 +24,13 @@ def primitive_surface(kind: i32, index: i32, origin: vec3, direction: vec3, poin
 
 @record
 class Surface:
-    """A point that a ray has hit. The normals face the side from which the ray came."""
+    """A point that a ray has hit. The normals face the side from which the ray came; `entering`: that is the front."""
 
     point: vec3
     geometry: vec3
     normal: vec3
     attribute: i32
+    entering: bool
 
 
 @record
@@ -39,7 +40,14 @@ class Traced:
     luminance: vec3
     eye_hits: i32
     reflection: i32
+    refraction: i32
     shadow: i32
+
+
+@socket
+def traced_light(view: View, eye_direction: vec3) -> Traced:
+    """Follow an eye ray, and the rays that it causes, for `view.depth` generations."""
+    ...
 
 
 @module
@@ -47,17 +55,18 @@ def surface_at(origin: vec3, direction: vec3, t: f32, hit: i32) -> Surface:
     """The surface where a ray has hit primitive `hit` at t."""
     point = origin + t * direction
     geometry, normal, attribute = primitive_surface(hit & 31, hit >> 5, origin, direction, point)
-    if dot(geometry, direction) > 0.0:
+    entering = dot(geometry, direction) <= 0.0
+    if not entering:
         geometry = -geometry
         normal = -normal
-    return Surface(point, geometry, normal, attribute)
+    return Surface(point, geometry, normal, attribute, entering)
 
 
 @module
-def departure(surface: Surface, t: f32) -> vec3:
-    """Where rays leave a surface: lifted off it by the error bound of the hit point."""
+def lift(surface: Surface, t: f32) -> vec3:
+    """From the hit point to where rays leave the surface: along its normal, by the error bound of the point."""
     size = max(max(abs(surface.point.x), abs(surface.point.y)), max(abs(surface.point.z), t))
-    return surface.point + (size * ROUNDING) * surface.geometry
+    return (size * ROUNDING) * surface.geometry
 
 
 @module
@@ -83,37 +92,6 @@ def direct_light(
 
 
 @module
-def trace(view: View, eye_direction: vec3) -> Traced:
-    """Follow an eye ray and its mirror rays."""
-    origin = view.eye
-    direction = eye_direction
-    left = NOTHING
-    weight = vec3(1.0)
-    out = Traced(vec3(0.0), 0, 0, 0)
-    for generation in range(view.depth):
-        t, hit = nearest_intersection(origin, direction, left)
-        if hit == NOTHING:
-            out.luminance = accumulate_luminance(out.luminance, weight, view.background)
-            break
-        if generation == 0:
-            out.eye_hits = 1
-        surface = surface_at(origin, direction, t, hit)
-        attribute = attributes[surface.attribute]
-        start = departure(surface, t)
-        luminance, shadow_rays = direct_light(attribute, surface, start, direction, hit)
-        out.shadow += shadow_rays
-        out.luminance = accumulate_luminance(out.luminance, weight, luminance)
-        if attribute.reflection <= 0.0 or generation + 1 == view.depth:
-            break
-        weight = weight * attribute.reflection
-        direction = reflection_direction(direction, surface.normal)
-        origin = start
-        left = hit
-        out.reflection += 1
-    return out
-
-
-@module
 def sample_offset(sample: i32, step: f32) -> f32:
     """Place of a sample within its pixel, 0..1 along one axis; the first is the middle.
 
@@ -131,16 +109,17 @@ def trace_pixel(place: i32):
     column = place & 65535
     # From row 32768 on `place` is negative: the shift brings copies of its sign.
     row = place >> 16 & 65535
-    total = Traced(vec3(0.0), 0, 0, 0)
+    total = Traced(vec3(0.0), 0, 0, 0, 0)
     for sample in range(view.samples):
         x = f32(view.region_x + column) + sample_offset(sample, GOLDEN_X)
         y = f32(view.region_y + row) + sample_offset(sample, GOLDEN_Y)
-        traced = trace(view, view_direction(view, x, y))
+        traced = traced_light(view, view_direction(view, x, y))
         total.luminance = total.luminance + traced.luminance
         total.eye_hits += traced.eye_hits
         total.reflection += traced.reflection
+        total.refraction += traced.refraction
         total.shadow += traced.shadow
     share = reciprocal(f32(view.samples))
     index = row * view.region_width + column
     picture[index] = Pixel(share * total.luminance, share * f32(total.eye_hits))
-    ray_counts[index] = RayCounts(total.eye_hits, total.reflection, 0, total.shadow)
+    ray_counts[index] = RayCounts(total.eye_hits, total.reflection, total.refraction, total.shadow)

@@ -15,6 +15,7 @@ from tasuki.language.declare import Case, Module
 from tasuki.machines.cpu.machine import Executable, Items, Number
 from tasuki.modules import records as rec
 from tasuki.modules.initialise import initialise_object
+from tasuki.modules.light_paths import trace_mirrors, trace_tree
 from tasuki.modules.shading import diffuse_and_highlight
 from tasuki.programs import Filler, Options, executable
 from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind
@@ -56,6 +57,7 @@ class PreparedScene:
             builder.add(name, content)
         self.memory = self.packed.build()
         self.kinds = [kind.narrowed(self.memory.table(kind.table_name)) for kind in self.packed.kinds]
+        self.transparent = bool((self.memory.table("attributes")["transmission"] > 0.0).any())
         self._initialise_objects()
 
     def _initialise_objects(self) -> None:
@@ -71,7 +73,7 @@ class PreparedScene:
 
     def fillers(self) -> dict[str, Filler]:
         """What fills every socket: the user's modules, else ours; and for each primitive kind in use its own."""
-        return default_fillers(self.kinds) | self.modules
+        return default_fillers(self.kinds, self.transparent) | self.modules
 
     def tables(self) -> dict[str, MemoryTable]:
         """Every table of the memory, by name."""
@@ -87,9 +89,13 @@ class PreparedScene:
         return boxes["low"][bounded].min(axis=0), boxes["high"][bounded].max(axis=0)
 
 
-def default_fillers(kinds: Sequence[PrimitiveKind]) -> dict[str, Filler]:
-    """What fills the sockets of the ray tracer by default; dispatch sockets with cases for `kinds`."""
-    filled: dict[str, Filler] = {"shading": diffuse_and_highlight}
+def default_fillers(kinds: Sequence[PrimitiveKind], transparent: bool = True) -> dict[str, Filler]:
+    """What fills the sockets of the ray tracer by default; dispatch sockets with cases for `kinds`.
+
+    `transparent`: whether anything in the scene lets light through.
+    """
+    paths = trace_tree if transparent else trace_mirrors
+    filled: dict[str, Filler] = {"shading": diffuse_and_highlight, "traced_light": paths}
     for socket, role in FILLED.items():
         filled[socket] = [
             Case(kind.number, kind.resolve(role), kind.resolve("table"), kind.table_name) for kind in kinds

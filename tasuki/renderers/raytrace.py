@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.language.declare import Module
 from tasuki.machines.cpu.machine import Items, Progress, Same
 from tasuki.modules import bvh_build, raytrace
 from tasuki.modules import records as rec
 from tasuki.modules.bvh import primitive_hit
+from tasuki.modules.light_paths import DEEPEST
 from tasuki.modules.shading import shading
 from tasuki.programs import REPORT, Options, executable
 from tasuki.renderers.options import Region, RenderOptions
@@ -27,7 +29,7 @@ TILE = 4
 CHUNK_TILES = 16
 """Tiles that a thread takes at a time; with more samples fewer, since threads stop for Ctrl-C between chunks only."""
 
-SOCKETS = (shading, primitive_hit, raytrace.primitive_surface)
+SOCKETS = (shading, primitive_hit, raytrace.primitive_surface, raytrace.traced_light)
 """What a machine without a linker must fill before it traces."""
 
 
@@ -47,6 +49,7 @@ class RayTracer:
             scene, self._tables, modules, unchecked=options.unchecked, profile=options.profile
         )
         self.memory = self.prepared.memory
+        self._check_depth()
         self._fill_view()
         self.nodes = self._build_bvh()
         # Compiling the builder is no part of building: a second scene would not wait for it.
@@ -64,6 +67,11 @@ class RayTracer:
             "picture": (rec.Pixel, pixels),
             "ray_counts": (rec.RayCounts, pixels),
         }
+
+    def _check_depth(self) -> None:
+        if self.prepared.transparent and self.options.depth > DEEPEST:
+            message = "a scene with transparent materials cannot be traced to this depth"
+            raise SceneError(str(Diagnostic(message, expected=f"1 to {DEEPEST}", found=str(self.options.depth))))
 
     def _fill_view(self) -> None:
         options = self.options

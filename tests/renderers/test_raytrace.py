@@ -1,0 +1,102 @@
+"""The ray tracer as a whole: machines and packets agree, and pictures stay what they are where nothing has changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tasuki.diagnostics import SceneError
+from tasuki.ir.interpret import interpret
+from tasuki.modules.light_paths import trace_tree
+from tasuki.modules.raytrace import trace_pixel
+from tasuki.programs import link_program
+from tasuki.renderers.options import Region, RenderOptions
+from tasuki.renderers.raytrace import RayTracer, pixel_places
+from tasuki.scene import Camera, Material, PointLight, Polygon, Scene, Sphere, load_scene
+
+DATA = Path(__file__).parents[1] / "data"
+CAMERA = Camera(eye=(0.0, -6.0, 1.5), at=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), angle=40.0, resolution=(48, 36))
+FLOOR = Polygon(
+    ((-9.0, -9.0, 0.0), (9.0, -9.0, 0.0), (9.0, 9.0, 0.0), (-9.0, 9.0, 0.0)), material=Material(colour=(0.8, 0.5, 0.3))
+)
+RED = Sphere((-0.8, 1.0, 1.0), 1.0, Material(colour=(0.9, 0.2, 0.1), diffuse=0.7, reflection=0.2, specular=0.3))
+LIGHTS = (PointLight((3.0, -5.0, 6.0)), PointLight((-4.0, -2.0, 5.0)))
+AIR = Material(diffuse=0.0, ambient=0.0, specular=0.0, transmission=1.0, index=1.0)
+
+
+def rendered(scene: Scene, **options) -> np.ndarray:
+    width, height = scene.camera.resolution
+    return RayTracer(scene, RenderOptions(width, height, **options)).render().copy()
+
+
+@pytest.mark.parametrize("name", ["still_life.nff", "pavilion.yaml"])
+@pytest.mark.parametrize("width", [None, 5])
+def test_the_interpreter_draws_the_same_picture(name, width):
+    options = RenderOptions(40, 30, depth=4, region=Region(9, 11, 22, 14))
+    tracer = RayTracer(load_scene(DATA / name), options)
+    expected = tracer.render().copy()
+    counts = tracer.ray_counts()
+    tracer.pixels()[:] = -1.0
+    program = link_program(trace_pixel, tracer.prepared.fillers())
+    places = pixel_places(options.region)
+    interpret(program, [[places]], lanes=len(places), tables=tracer.prepared.tables(), width=width)
+    assert np.array_equal(tracer.pixels(), expected)
+    assert tracer.ray_counts() == counts
+
+
+def test_the_tree_of_rays_is_the_chain_of_mirrors_where_nothing_is_transparent():
+    scene = Scene(CAMERA, [FLOOR, RED], LIGHTS, background=(0.2, 0.3, 0.5))
+    options = RenderOptions(48, 36)
+    tree = RayTracer(scene, options, {"traced_light": trace_tree})
+    chain = RayTracer(scene, options)
+    assert np.array_equal(tree.render(), chain.render())
+    assert tree.ray_counts() == chain.ray_counts()
+
+
+def test_a_ball_of_air_is_not_seen():
+    # Without lamps, by ambient light alone: shadow rays do not pass through glass.
+    things = [
+        Polygon(FLOOR.points, material=Material(colour=(0.8, 0.5, 0.3), ambient=0.6)),
+        Sphere(RED.centre, RED.radius, Material(colour=(0.9, 0.2, 0.1), ambient=0.5, reflection=0.2)),
+    ]
+    ball = Sphere((0.4, -1.5, 1.2), 0.6, AIR)
+    pictures = [
+        rendered(Scene(CAMERA, shapes, (), background=(0.2, 0.3, 0.5)), depth=8) for shapes in (things, [*things, ball])
+    ]
+    without, through = pictures
+    # At the ball's rim and at edges behind it a ray that has been moved by a rounding may pass on the other side.
+    differs = np.abs(through - without)[..., :3].max(axis=2) > 1e-4
+    assert differs.mean() < 0.005
+    assert (through[..., 3] > without[..., 3]).any() or (without[..., 3] == 1).all()
+    assert np.ptp(without[..., 0]) > 0.3
+
+
+def test_glass_in_a_furnace_is_not_seen():
+    # Light of 1 from everywhere: whatever glass does to it, what comes out is 1, but for what the last rays carried.
+    glass = Material(diffuse=0.0, ambient=0.0, specular=0.0, transmission=1.0, index=1.5)
+    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 1.0), 1.0, glass)], (), background=(1.0, 1.0, 1.0))
+    furnace = rendered(scene, depth=12)[..., :3]
+    assert furnace.max() <= 1.0 + 1e-5
+    assert furnace.min() > 0.98
+    short = rendered(scene, depth=2)[..., :3]
+    assert short.min() < 0.5
+
+
+def test_coloured_glass_takes_by_the_distance():
+    # Straight through the middle: twice as thick, the square of the transmittance.
+    camera = replace(CAMERA, eye=(0.0, -6.0, 0.0), at=(0.0, 0.0, 0.0), resolution=(1, 1), angle=0.01)
+    tinted = replace(AIR, transmittance=(0.5, 0.25, 1.0))
+    thin = Scene(camera, [Sphere((0.0, 0.0, 0.0), 0.5, tinted)], (), background=(1.0, 1.0, 1.0))
+    thick = Scene(camera, [Sphere((0.0, 0.0, 0.0), 1.0, tinted)], (), background=(1.0, 1.0, 1.0))
+    assert rendered(thin)[0, 0, :3] == pytest.approx([0.5, 0.25, 1.0], rel=1e-4)
+    assert rendered(thick)[0, 0, :3] == pytest.approx([0.25, 0.0625, 1.0], rel=1e-4)
+
+
+def test_a_tree_deeper_than_its_stack_is_refused():
+    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 1.0), 1.0, AIR)], LIGHTS)
+    with pytest.raises(SceneError, match="depth"):
+        rendered(scene, depth=33)
+    assert rendered(Scene(CAMERA, [RED], LIGHTS), depth=33).shape == (36, 48, 4)
