@@ -9,20 +9,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any, Literal
 
 import numpy as np
 
-from tasuki.diagnostics import MachineError, TasukiError
+from tasuki.diagnostics import LinkError, MachineError, TasukiError
 from tasuki.ir.memory import MemoryTable
 from tasuki.ir.types import MAT4, Matrix, Record, Scalar, Table, Tuple, Type, Vector
-from tasuki.language.declare import Module
+from tasuki.language.declare import Case, Module
+from tasuki.language.link import reached_sockets
+from tasuki.language.tables import record_dtype
 from tasuki.machines.cpu.machine import Argument, Items, Same
 from tasuki.native.buffers import aligned_zeros
 from tasuki.programs import Filler, Options, executable, link_program
 
 Machine = Literal["cpu", "interpreter", "python"]
+MACHINES = ("cpu", "interpreter", "python")
 DTYPES = {"f32": np.dtype(np.float32), "i32": np.dtype(np.int32), "bool": np.dtype(np.bool_)}
+MOST_THREADS = 1 << 10
+MOST_LANES = 1 << 10
+PRECISIONS = (np.dtype(np.float32), np.dtype(np.float64))
 
 
 def map_module(
@@ -42,19 +49,44 @@ def map_module(
 
     `fill` fills the sockets that it reaches, `tables` binds named tables to structured arrays (which it may change).
     `machine`: "cpu" (SIMD machine code, `threads` threads, packets of `width` lanes), "interpreter" (the definition;
-    also in `precision` float64) or "python" (item by item, in CPython). Raises TasukiError where arguments do not fit.
+    also in `precision` float64) or "python" (item by item, in CPython). With no argument that has items there is one.
+    Raises TasukiError where arguments do not fit.
     """
+    number_format = _checked_options(machine, threads, width, precision)
     call = _Call(module, _in_order(module, arguments, named), tables or {})
+    fillers = _checked_fillers(fill or {})
     if machine == "cpu":
-        leaves = call.on_cpu(fill or {}, threads or os.cpu_count() or 1, width or 0, checked)
+        leaves = call.on_cpu(fillers, threads or os.cpu_count() or 1, width or 0, checked)
     elif machine == "interpreter":
-        leaves = call.on_interpreter(fill or {}, width, np.dtype(precision))
-    elif machine == "python":
-        leaves = call.in_python()
+        leaves = call.on_interpreter(fillers, width, number_format)
     else:
-        raise TasukiError(f"unknown machine {machine!r}; known: cpu, interpreter, python")
+        leaves = call.in_python(fillers)
     call.write_back()
     return from_leaves(module.signature.result, leaves)
+
+
+def _checked_options(machine: str, threads: Any, width: Any, precision: Any) -> np.dtype:
+    """The precision as a dtype. TasukiError where one of the options does not exist."""
+    if machine not in MACHINES:
+        raise TasukiError(f"unknown machine {machine!r}; known: {', '.join(MACHINES)}")
+    for name, value, most in (("threads", threads, MOST_THREADS), ("width", width, MOST_LANES)):
+        if value is not None and not (isinstance(value, int | np.integer) and 1 <= value <= most):
+            raise TasukiError(f"{name}: expected a whole number from 1 to {most}, found {value!r}")
+    number_format = next((one for one in PRECISIONS if precision in (one, one.name, one.type)), None)
+    if number_format is None:
+        raise TasukiError(f"precision: expected float32 or float64, found {precision!r}")
+    if number_format != np.float32 and machine != "interpreter":
+        raise TasukiError(f"machine {machine!r} computes in float32; machine 'interpreter' also in float64")
+    return number_format
+
+
+def _checked_fillers(fill: Mapping[str, Filler]) -> Mapping[str, Filler]:
+    """`fill` as it is; fillers of sockets that are not reached do no harm. LinkError where one cannot fill anything."""
+    for name, filler in fill.items():
+        is_cases = isinstance(filler, list | tuple) and all(isinstance(case, Case) for case in filler)
+        if not (is_cases or isinstance(filler, Module)):
+            raise LinkError(f"socket `{name}`: expected a module, or a list of cases, found {filler!r}")
+    return fill
 
 
 def _in_order(module: Module, arguments: Sequence[Any], named: Mapping[str, Any]) -> list[Any]:
@@ -71,11 +103,11 @@ class _Call:
     def __init__(self, module: Module, arguments: Sequence[Any], tables: Mapping[str, np.ndarray]) -> None:
         self.module = module
         self.types = module.signature.parameters
-        self.tables = {name: TableArray(name, array) for name, array in tables.items()}
+        self.tables = {name: TableArray(name, np.asarray(array)) for name, array in tables.items()}
         self.arguments: list[list[np.ndarray] | TableArray] = []
         for name, type_, value in zip(module.parameters, self.types, arguments, strict=True):
             if isinstance(type_, Table):
-                self.arguments.append(TableArray(name, np.asarray(value)))
+                self.arguments.append(TableArray(name, np.asarray(value), type_.record))
             else:
                 self.arguments.append(to_leaves(type_, value, f"argument `{name}` of `{module.name}`"))
         self.items = self._count()
@@ -110,23 +142,31 @@ class _Call:
         named = {name: table.table for name, table in self.tables.items()}
         return interpret(program, arguments, lanes=self.items, tables=named, precision=precision, width=width)
 
-    def in_python(self) -> list[np.ndarray]:
+    def in_python(self, fill: Mapping[str, Filler]) -> list[np.ndarray]:
         from tasuki.language.plain import tables as bind
+
+        link_program(self.module, fill)  # what is wrong is told as on the other machines
+        with ExitStack() as stack:
+            stack.enter_context(bind({name: table.table for name, table in self.tables.items()}))
+            for name, socket in reached_sockets(self.module, fill).items():
+                stack.enter_context(socket.filled(fill[name]))
+            rows = [self._one_in_python(item) for item in range(self.items)]
+        scalars = self.module.signature.result.leaves
+        return [np.array([row[i] for row in rows], DTYPES[scalar]) for i, scalar in enumerate(scalars)]
+
+    def _one_in_python(self, item: int) -> list[Any]:
+        """The leaves of the result for one item."""
         from tasuki.language.values import from_leaves as value_of
         from tasuki.language.values import leaves as leaves_of
 
-        rows: list[list[Any]] = []
-        result = self.module.signature.result
-        with bind({name: table.table for name, table in self.tables.items()}):
-            for item in range(self.items):
-                values = []
-                for type_, argument in zip(self.types, self.arguments, strict=True):
-                    if isinstance(argument, TableArray):
-                        raise MachineError("a table parameter cannot be mapped in plain Python; bind a named table")
-                    values.append(value_of(type_, [leaf[item] if leaf.ndim else leaf[()] for leaf in argument]))
-                rows.append(list(leaves_of(self.module(*values))) if result.leaves else [])
-        columns = zip(*rows, strict=True)
-        return [np.array(column, DTYPES[s]) for column, s in zip(columns, result.leaves, strict=True)]
+        values = []
+        for type_, argument in zip(self.types, self.arguments, strict=True):
+            if isinstance(argument, TableArray):
+                values.append(argument.table)
+            else:
+                values.append(value_of(type_, [leaf[item] if leaf.ndim else leaf[()] for leaf in argument]))
+        result = self.module(*values)
+        return [] if result is None else list(leaves_of(result))
 
     def write_back(self) -> None:
         for table in [*self.tables.values(), *(a for a in self.arguments if isinstance(a, TableArray))]:
@@ -136,26 +176,36 @@ class _Call:
 class TableArray:
     """A structured array given as a table: used in place where its memory allows that, else copied out and back."""
 
-    def __init__(self, name: str, array: np.ndarray) -> None:
+    def __init__(self, name: str, array: np.ndarray, record: Record | None = None) -> None:
         rows, rest = divmod(array.dtype.itemsize, 16)
         if array.dtype.fields is None or rest or array.ndim != 1:
-            raise TasukiError(f"table `{name}`: expected a one-dimensional array of a record's numpy_dtype()")
+            found = f"an array of {array.dtype}, shape {array.shape}"
+            raise TasukiError(f"table `{name}`: expected a one-dimensional array of a record's numpy_dtype(); {found}")
+        if record is not None and array.dtype != record_dtype(record):
+            raise TasukiError(f"table `{name}`: expected records of {record}.numpy_dtype(), found {array.dtype}")
+        self.name = name
         self.array = array
-        fits = array.flags.c_contiguous and array.ctypes.data % 16 == 0
+        # What must not be written is copied, since machine code does not ask.
+        self.copied = not (array.flags.c_contiguous and array.ctypes.data % 16 == 0 and array.flags.writeable)
         words = len(array) * rows
-        if fits:
-            self.memory = array.view(np.uint8).view(np.float32).reshape(words, 4)
-        else:
+        if self.copied:
             self.memory = aligned_zeros((words, 4), np.float32)
             self.memory.reshape(-1).view(array.dtype)[:] = array
-        self.copied = not fits
+            self.memory.flags.writeable = array.flags.writeable
+        else:
+            self.memory = array.view(np.uint8).view(np.float32).reshape(words, 4)
+        self._before = None if array.flags.writeable else self.memory.tobytes()
 
     @property
     def table(self) -> MemoryTable:
         return MemoryTable(self.memory, 0, len(self.array))
 
     def write_back(self) -> None:
-        if self.copied and self.array.flags.writeable:
+        """Bring what was stored to where the array has it. MachineError where the array may not be written."""
+        if self._before is not None:
+            if self.memory.tobytes() != self._before:
+                raise MachineError(f"a store to table `{self.name}`, whose array is read-only")
+        elif self.copied:
             self.array[:] = self.memory.reshape(-1).view(self.array.dtype)
 
 
@@ -169,7 +219,10 @@ def to_leaves(type_: Type, value: Any, what: str) -> list[np.ndarray]:
     if isinstance(type_, Tuple):
         return [leaf for i, item in enumerate(type_.items) for leaf in to_leaves(item, value[i], what)]
     shape = _shape(type_)
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise TasukiError(f"{what}: expected {type_}, found rows of different lengths") from None
     if array.dtype.kind not in "bifu":
         raise TasukiError(f"{what}: expected {type_}, found an array of {array.dtype}")
     if array.ndim not in (len(shape), len(shape) + 1) or array.shape[array.ndim - len(shape) :] != shape:
@@ -177,14 +230,20 @@ def to_leaves(type_: Type, value: Any, what: str) -> list[np.ndarray]:
         raise TasukiError(f"{what}: expected shape {expected} for {type_}, found {array.shape}")
     if isinstance(type_, Matrix):
         array = np.swapaxes(array, -1, -2)
-    flat = array.reshape(*array.shape[: array.ndim - len(shape)], -1)
+    flat = array.reshape(*array.shape[: array.ndim - len(shape)], len(type_.leaves))
     return [_narrow(flat[..., i], scalar, what) for i, scalar in enumerate(type_.leaves)]
 
 
 def _narrow(array: np.ndarray, scalar: str, what: str) -> np.ndarray:
-    if scalar != "f32" and array.dtype.kind == "f":
+    # An empty list is an array of float64 to NumPy.
+    if scalar != "f32" and array.dtype.kind == "f" and array.size:
         raise TasukiError(f"{what}: expected {scalar}, found an array of {array.dtype}")
-    return np.ascontiguousarray(array.astype(DTYPES[scalar])).reshape(array.shape)
+    limits = np.iinfo(np.int32)
+    if scalar == "i32" and array.size and not (limits.min <= array.min() and array.max() <= limits.max):
+        found = array.max() if array.max() > limits.max else array.min()
+        raise TasukiError(f"{what}: expected i32, {limits.min} to {limits.max}, found {found}")
+    with np.errstate(over="ignore"):  # to infinity: that is what rounding to f32 means
+        return np.ascontiguousarray(array.astype(DTYPES[scalar])).reshape(array.shape)
 
 
 def _record_leaves(type_: Record, value: Any, what: str) -> list[np.ndarray]:
@@ -198,9 +257,12 @@ def _record_leaves(type_: Record, value: Any, what: str) -> list[np.ndarray]:
 
     columns = [(member, to_leaves(member, field(name), f"{what}, field `{name}`")) for name, member in type_.fields]
     leaves = [leaf for _, column in columns for leaf in column]
-    length = max((len(leaf) for leaf in leaves if leaf.ndim), default=None)
-    if length is None:
+    lengths = {len(leaf) for leaf in leaves if leaf.ndim}
+    if len(lengths) > 1:
+        raise TasukiError(f"{what}: fields of different lengths: {sorted(lengths)}")
+    if not lengths:
         return leaves
+    [length] = lengths
     return [leaf if leaf.ndim else np.full(length, leaf) for leaf in leaves]
 
 

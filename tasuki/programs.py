@@ -154,9 +154,9 @@ class _Request:
             disk.write(object_key, code)
         function = program.functions[program.entry]
         shape = Shape(
-            [_scalars(p.type) for p in function.parameters],
+            [_binding_of(p.type) for p in function.parameters],
             list(function.result.leaves),
-            sorted_tables(program),
+            {name: program.tables[name].rows for name in sorted_tables(program)},
             self.width,
             kernel.sites,
             kernel.profiled,
@@ -177,11 +177,12 @@ def package_digest(*folders: str) -> str:
     return digest.hexdigest()
 
 
-def _scalars(type_: object) -> list[str] | None:
+def _binding_of(type_: object) -> list[str] | int:
+    """The leaves of a parameter, or of a table the rows of one record: see `machine.Shape`."""
     from tasuki.ir.types import Table, Type
 
     assert isinstance(type_, Type)
-    return None if isinstance(type_, Table) else list(type_.leaves)
+    return type_.record.rows if isinstance(type_, Table) else list(type_.leaves)
 
 
 def _describe(filler: Filler, identities: Identities) -> list:

@@ -6,12 +6,13 @@ import hashlib
 import importlib
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import FrameType, FunctionType
+from types import FrameType, FunctionType, MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
 from tasuki.diagnostics import Diagnostic, LinkError, SourceError, Span
@@ -168,21 +169,20 @@ class Socket(Declaration):
     def __init__(self, function: FunctionType, dispatch: bool = False) -> None:
         super().__init__(function)
         self.dispatch = dispatch
-        self._fillers: list[Module | Sequence[Case]] = []
 
     @contextmanager
     def filled(self, filler: Module | Sequence[Case]) -> Iterator[Socket]:
-        """While the context lasts, calling the socket as plain Python calls `filler`."""
-        self._fillers.append(filler)
+        """While the context lasts, calling the socket as plain Python calls `filler`; in this thread alone."""
+        before = _filled.set({**_filled.get(), self: filler})
         try:
             yield self
         finally:
-            self._fillers.pop()
+            _filled.reset(before)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        if not self._fillers:
+        filler = _filled.get().get(self)
+        if filler is None:
             raise LinkError(f"socket `{self.name}` is not filled; run it within `with {self.name}.filled(module):`")
-        filler = self._fillers[-1]
         if isinstance(filler, Module):
             return filler(*args, **kwargs)
         given = self.function.__code__.co_varnames[len(args) : len(self.parameters)]
@@ -198,6 +198,10 @@ class Socket(Declaration):
             return from_leaves(result, [0] * len(result.leaves))
         case = next((case for case in cases if case.number == int(kind)), cases[-1])
         return case.module(case.table[index], *rest)
+
+
+_filled: ContextVar[Mapping[Socket, Module | Sequence[Case]]] = ContextVar("sockets", default=MappingProxyType({}))
+"""What fills sockets that are called as plain Python."""
 
 
 class RecordType(type):

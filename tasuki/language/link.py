@@ -71,6 +71,30 @@ def compatible(module: Module, socket: Socket) -> bool:
     return mismatch(module, socket) is None
 
 
+def reached_sockets(entry: Module, fillers: Mapping[str, Filler]) -> dict[str, Socket]:
+    """The sockets that `entry`, all that it calls, and what fills those sockets reach, by name.
+
+    A filler that does not fit its socket is not looked into. Raises `SourceError`.
+    """
+    sockets: dict[str, Socket] = {}
+    seen: set[Module] = set()
+    waiting = [entry]
+    while waiting:
+        module = waiting.pop()
+        if module in seen:
+            continue
+        seen.add(module)
+        for callee in module.check().calls.values():
+            if isinstance(callee, Module):
+                waiting.append(callee)
+                continue
+            sockets[callee.name] = callee
+            filler = fillers.get(callee.name, ())
+            given = [filler] if isinstance(filler, Module) else [case.module for case in filler]
+            waiting += [one for one in given if compatible(one, callee)]
+    return sockets
+
+
 @dataclass
 class _Linker:
     fillers: Mapping[str, Filler]

@@ -17,7 +17,7 @@ from tasuki.renderers.options import Region, RenderOptions
 from tasuki.version import __version__
 
 if TYPE_CHECKING:
-    from tasuki.language.declare import Module, Socket
+    from tasuki.language.declare import Module
     from tasuki.machines.cpu.machine import EdgeProfile
     from tasuki.renderers.picture import Picture
     from tasuki.renderers.raytrace import RayTracer
@@ -140,12 +140,14 @@ def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
     """The modules that are to fill sockets, each held against its socket. LinkError with all that do not fit."""
     if not given:
         return {}
-    from tasuki.language.link import mismatch
+    from tasuki.language.link import mismatch, reached_sockets
     from tasuki.language.load import resolve_module
     from tasuki.modules.raytrace import trace_pixel
+    from tasuki.renderers.prepared import default_fillers
+    from tasuki.scene.kinds import kinds
 
     modules = {name: resolve_module(one) if isinstance(one, str) else one for name, one in given.items()}
-    sockets = reached_sockets(trace_pixel, modules)
+    sockets = reached_sockets(trace_pixel, default_fillers(kinds()) | modules)
     fillable = ", ".join(sorted(name for name, socket in sockets.items() if not socket.dispatch))
     problems: list[Diagnostic] = []
     for name, module in modules.items():
@@ -161,33 +163,6 @@ def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
     if problems:
         raise LinkError("\n\n".join(map(str, problems)))
     return modules
-
-
-def reached_sockets(entry: Module, fillers: Mapping[str, Module]) -> dict[str, Socket]:
-    """The sockets that `entry`, all that it calls, and what fills those sockets reach, by name.
-
-    A filler that does not fit its socket is not looked into.
-    """
-    from tasuki.language.declare import Module
-    from tasuki.language.link import compatible
-
-    sockets: dict[str, Socket] = {}
-    seen: set[Module] = set()
-    waiting = [entry]
-    while waiting:
-        module = waiting.pop()
-        if module in seen:
-            continue
-        seen.add(module)
-        for callee in module.check().calls.values():
-            if isinstance(callee, Module):
-                waiting.append(callee)
-                continue
-            sockets[callee.name] = callee
-            filler = fillers.get(callee.name)
-            if filler is not None and compatible(filler, callee):
-                waiting.append(filler)
-    return sockets
 
 
 # --- one picture ------------------------------------------------------------------------------------------------------

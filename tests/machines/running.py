@@ -25,8 +25,9 @@ def compile_program(
     verify(program)
     kernel = emit_kernel(program, bindings, width, checked=checked, profile=profile)
     entry = program.functions[program.entry]
-    scalars = [None if isinstance(p.type, Table) else list(p.type.leaves) for p in entry.parameters]
-    shape = Shape(scalars, list(entry.result.leaves), sorted_tables(program), width, kernel.sites, kernel.profiled)
+    scalars = [p.type.record.rows if isinstance(p.type, Table) else list(p.type.leaves) for p in entry.parameters]
+    tables = {name: program.tables[name].rows for name in sorted_tables(program)}
+    shape = Shape(scalars, list(entry.result.leaves), tables, width, kernel.sites, kernel.profiled)
     return Executable(compile_object(kernel.text), shape)
 
 
