@@ -58,9 +58,9 @@ class MaterialModel(_Model):
     specular: Annotated[NotNegative, Field(description="weight of Phong's highlight")] = 0.0
     exponent: Annotated[NotNegative, Field(description="exponent of Phong's highlight")] = 1.0
     reflection: Annotated[NotNegative, Field(description="weight of the mirrored ray")] = 0.0
-    transmission: Annotated[NotNegative, Field(description="weight of the refracted ray")] = 0.0
+    transmission: Annotated[NotNegative, Field(description="share of the light that enters the surface")] = 0.0
     index: Annotated[Positive, Field(description="refractive index")] = 1.0
-    transmittance: Annotated[RGB, Field(description="filter of the refracted ray")] = [1.0, 1.0, 1.0]
+    transmittance: Annotated[RGB, Field(description="what a unit of the way inside lets through")] = [1.0, 1.0, 1.0]
     two_sided: Annotated[
         bool | None, Field(description="by default: true of patches and where transmission > 0, false elsewhere")
     ] = None
