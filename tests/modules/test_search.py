@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tasuki.mapping import map_module
 from tasuki.modules import bvh
 from tasuki.modules import records as rec
 from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, TWO_SIDED
