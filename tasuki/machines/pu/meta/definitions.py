@@ -1,8 +1,8 @@
 """The definition phase: mnemonics for combinations of fields, with parameters, and their expansion.
 
 ``.define add_to(unit, rd, source) = unit.op=add unit.a=own unit.b=source unit.w=result unit.rd=rd`` makes
-``add_to(x, R1, y)`` stand for five fields. Parameters are replaced in values, and in the parts of dotted names, so that
-a parameter may name a unit. A definition may use others, in any order, but not itself.
+``add_to(x, R1, y)`` stand for five fields. Parameters are replaced in values, and in front of a dot, so that a
+parameter may name a unit. A definition may use others, in any order, but not itself.
 """
 
 from __future__ import annotations
@@ -93,10 +93,11 @@ class _Expansion:
                 at = end
             else:
                 arguments, at = self.arguments(tokens, at, uses)
-                yield from self.use(token, arguments, uses)
+                if arguments is not None:
+                    yield from self.use(token, arguments, uses)
 
-    def arguments(self, tokens: list[Token], at: int, uses: tuple[Token, ...]) -> tuple[list[list[Token]], int]:
-        """The arguments of the mnemonic at `at`, and where the text goes on."""
+    def arguments(self, tokens: list[Token], at: int, uses: tuple[Token, ...]) -> tuple[list[list[Token]] | None, int]:
+        """The arguments of the mnemonic at `at` (None where they do not end), and where the text goes on."""
         if at + 1 >= len(tokens) or tokens[at + 1].text != "(":
             return [], at + 1
         arguments: list[list[Token]] = [[]]
@@ -112,7 +113,7 @@ class _Expansion:
             else:
                 arguments[-1].append(token)
         self.report("this parenthesis is not closed", tokens[at + 1], uses)
-        return arguments, end
+        return None, end
 
     def use(self, name: Token, arguments: list[list[Token]], uses: tuple[Token, ...]) -> Iterator[Setting]:
         definition = self.known.get(name.text)
@@ -121,8 +122,8 @@ class _Expansion:
             self.report(f"'{name.text}' is not defined", name, uses, near)
         elif len(arguments) != len(definition.parameters):
             wanted = ", ".join(parameter.text for parameter in definition.parameters)
-            expected, found = f"{name.text}({wanted})", f"{len(arguments)} arguments"
-            self.report(f"'{name.text}' takes {len(definition.parameters)} arguments", name, uses, expected, found)
+            message = f"'{name.text}' takes {_arguments(len(definition.parameters))}"
+            self.report(message, name, uses, f"{name.text}({wanted})", _arguments(len(arguments)))
         elif any(name.text == use.text for use in uses):
             self.report(f"'{name.text}' is defined by itself", name, uses)
         elif len(uses) >= MAX_NESTING:
@@ -163,12 +164,16 @@ class _Expansion:
         self.errors.add(message, where, expected=expected, found=found, notes=notes)
 
 
+def _arguments(count: int) -> str:
+    return f"{count} argument{'' if count == 1 else 's'}"
+
+
 def _rename(token: Token, bound: Mapping[str, list[Token]]) -> Token:
-    """`unit.op` with the parameter `unit` bound to `x` is `x.op`."""
-    if token.kind != "name" or "." not in token.text:
+    """`unit.op` with the parameter `unit` bound to `x` is `x.op`: the part before the first dot is looked at."""
+    if token.kind != "name":
         return token
-    parts = []
-    for part in token.text.split("."):
-        argument = bound.get(part, [])
-        parts.append(argument[0].text if len(argument) == 1 and argument[0].kind == "name" else part)
-    return token._replace(text=".".join(parts))
+    unit, dot, rest = token.text.partition(".")
+    argument = bound.get(unit, [])
+    if not dot or len(argument) != 1 or argument[0].kind != "name":
+        return token
+    return token._replace(text=f"{argument[0].text}.{rest}")

@@ -149,7 +149,7 @@ class _Evaluator:
                 break
             self.at += 1
             right = self.binary(precedence + 1, depth)
-            left = self.apply(mark, left, right, self.tokens[first : self.at])
+            left = self.apply(mark, left, right, first)
         return left
 
     def unary(self, depth: int) -> Value:
@@ -181,7 +181,8 @@ class _Evaluator:
             return ~value
         return -value if mark.text == "-" else value
 
-    def apply(self, mark: Token, left: Value, right: Value, where: Sequence[Token]) -> Value:
+    def apply(self, mark: Token, left: Value, right: Value, first: int) -> Value:
+        """One operator on its operands; the token `first` is where a message about them begins."""
         name = mark.text
         try:
             if isinstance(left, Register) and isinstance(right, int) and name in ("+", "-"):
@@ -194,8 +195,9 @@ class _Evaluator:
             if isinstance(left, int) and isinstance(right, int):
                 return _checked(_ON_INTEGERS[name](left, right))
         except (ArithmeticError, ValueError) as error:
-            raise ValueFault(f"this cannot be computed: {error}", where) from None
-        raise ValueFault(f"'{name}' does not apply to {_sort(left)} and {_sort(right)}", where)
+            raise ValueFault(f"this cannot be computed: {error}", self.tokens[first : self.at]) from None
+        message = f"'{name}' does not apply to {_sort(left)} and {_sort(right)}"
+        raise ValueFault(message, self.tokens[first : self.at])
 
 
 def _sort(value: Value) -> str:

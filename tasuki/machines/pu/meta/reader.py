@@ -183,7 +183,7 @@ class Reader:
         if head.text in self.sizes:
             notes = [Note("first given here", self.sizes[head.text][0].span)]
             self.errors.add(f"{head.text} is given twice", head, notes=notes)
-        self.sizes[head.text] = rest
+        self.sizes.setdefault(head.text, rest)
         return None
 
     def _data(self, head: Token, rest: list[Token]) -> None:
