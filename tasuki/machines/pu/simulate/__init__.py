@@ -14,11 +14,15 @@ from typing import Literal
 from tasuki.diagnostics import MachineError
 from tasuki.machines.pu import isa
 from tasuki.machines.pu.simulate.counters import Counters, count, count_labels, report
+from tasuki.machines.pu.simulate.fast import Fast
 from tasuki.machines.pu.simulate.plain import Plain, Step
 from tasuki.machines.pu.simulate.state import Memory, State, start
 from tasuki.machines.pu.simulate.traps import Trap
 
-__all__ = ["Counters", "Memory", "Outcome", "Plain", "State", "Step", "Trap", "run", "start"]
+__all__ = ["Counters", "Fast", "Memory", "Outcome", "Plain", "State", "Step", "Trap", "run", "start"]
+
+ENDLESS = 1 << 62
+"""More steps than anyone will wait for."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ def run(
     memory: Memory | None = None,
     state: State | None = None,
     limit: int | None = None,
-    machine: Literal["plain"] = "plain",
+    machine: Literal["fast", "plain"] = "fast",
 ) -> Outcome:
     """Run `program` until it halts.
 
@@ -60,10 +64,9 @@ def run(
     """
     if state is not None and memory is not None:
         raise MachineError("a run takes an initial memory or an initial state, not both")
-    simulator = Plain(program, start(program, memory) if state is None else state)
-    now = simulator.state
-    while not now.halted:
-        if limit is not None and now.steps >= limit:
-            raise Trap("limit", f"no halt within {limit} steps", program, now)
-        simulator.step()
+    now = start(program, memory) if state is None else state
+    simulator: Plain | Fast = Plain(program, now) if machine == "plain" else Fast(program, now)
+    simulator.advance(ENDLESS if limit is None else limit)
+    if not now.halted:
+        raise Trap("limit", f"no halt within {limit} steps", program, now)
     return Outcome(program, now, simulator.executions)

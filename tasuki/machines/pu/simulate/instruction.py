@@ -1,4 +1,4 @@
-"""A microinstruction as the simulators see it: decoded once, choices by their mnemonics, its faults found beforehand."""
+"""A microinstruction as the simulators see it: decoded once, by mnemonics, its faults found beforehand."""
 
 from __future__ import annotations
 

@@ -53,6 +53,12 @@ class Plain:
         self.state = start(program) if state is None else state
         self.executions = [0] * len(program.words)
 
+    def advance(self, steps: int) -> None:
+        """Make `steps` steps, or fewer where the machine halts. Raises Trap where it cannot go on."""
+        last = self.state.steps + steps
+        while not self.state.halted and self.state.steps < last:
+            self.step()
+
     def step(self) -> Step:
         """Make one step. Raises Trap, with the state unchanged, where the machine cannot.
 
@@ -87,14 +93,10 @@ class Plain:
     def _fetch(self) -> Instruction:
         state, words = self.state, self.program.words
         if state.address >= len(words):
-            raise Trap(
-                "end",
-                "the program runs on past its end",
-                self.program,
-                state,
-                expected=f"an address from 0 to {len(words) - 1}, or a halt" if words else "a program that is not empty",
-                found=f"address {state.address}",
-            )
+            expected = f"an address from 0 to {len(words) - 1}, or a halt" if words else "a program that is not empty"
+            found = f"address {state.address}"
+            message = "the program runs on past its end"
+            raise Trap("end", message, self.program, state, expected=expected, found=found)
         one = instruction(words[state.address])
         if one.problems:
             kind = "undefined" if one.problems[0].message.startswith("undefined") else "conflict"
