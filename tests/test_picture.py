@@ -225,6 +225,30 @@ def test_progress_is_told(scene: Scene):
     assert [doing for doing, _ in told[:2]] == ["loading", "preparing"]
 
 
+def test_profiling_changes_no_bit(scene: Scene):
+    np.testing.assert_array_equal(render(scene, profile=True).pixels, render(scene).pixels)
+
+
+WRONG_ARGUMENTS = {
+    "a number for a scene": ({"scene": 3}, SceneError, "this is no scene"),
+    "half a pixel": ({"size": (2.5, 3)}, SceneError, "width is out of range"),
+    "one side": ({"size": 5}, SceneError, "this is no size"),
+    "samples in words": ({"samples": "four"}, SceneError, "samples is out of range"),
+    "threads in words": ({"threads": "two"}, SceneError, "threads is out of range"),
+    "three of four": ({"region": (1, 2, 3)}, SceneError, "this is no region"),
+    "a region of half pixels": ({"region": (0, 0, 1.5, 1)}, SceneError, "not in whole pixels"),
+    "a region above": ({"region": (0, -1, 2, 2)}, SceneError, "not a part of the picture"),
+    "a number for a module": ({"modules": {"shading": 3}}, LinkError, "this cannot fill socket `shading`"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_ARGUMENTS)
+def test_arguments_of_a_wrong_type_are_told(scene: Scene, case: str):
+    arguments, error, message = WRONG_ARGUMENTS[case]
+    with pytest.raises(error, match=message):
+        render(**{"scene": scene, **arguments})
+
+
 def test_what_cannot_be_rendered(scene: Scene):
     with pytest.raises(SceneError, match="has not the machine 'gpu' yet"):
         render(scene, machine="gpu")

@@ -36,9 +36,9 @@ class Declaration:
     """The text in which the function stands, where it is known already."""
 
     def __init__(self, function: FunctionType) -> None:
-        if not inspect.isfunction(function):
-            found = f"a {type(function).__name__}" if not isinstance(function, type) else f"class {function.__name__}"
-            raise SourceError([Diagnostic(f"@{self.kind} goes before a function", _place(_caller()), found=found)])
+        found = _other_than_a_function(function)
+        if found:
+            raise SourceError([Diagnostic(f"@{self.kind} goes before a function", _place(_caller()), "`def`", found)])
         self.function = function
         self._mentioned = mentioned_names(function.__annotations__, _caller())
         self.name: str = function.__name__
@@ -274,6 +274,19 @@ def _caller() -> FrameType:
     while frame.f_code.co_filename == __file__ and frame.f_back:
         frame = frame.f_back
     return frame
+
+
+def _other_than_a_function(thing: Any) -> str | None:
+    """What `thing` is, in words, where no `def` made it."""
+    if isinstance(thing, type):
+        return f"class {thing.__name__}"
+    if not inspect.isfunction(thing):
+        return f"{thing!r}, of type {type(thing).__name__}"
+    if thing.__name__ == "<lambda>":
+        return "a lambda"
+    if inspect.iscoroutinefunction(thing) or inspect.isasyncgenfunction(thing):
+        return "an `async def`"
+    return None
 
 
 def _place(frame: FrameType) -> Span:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from numbers import Integral
 
 from tasuki.diagnostics import SceneError
 
@@ -51,10 +52,12 @@ class RenderOptions:
             ("threads", 0, 1 << 10),
         ):
             value = getattr(self, name)
-            if not least <= value <= most:
+            if not (isinstance(value, Integral) and least <= int(value) <= most):
                 raise SceneError(f"error: {name} is out of range\n  expected: {least} to {most}\n  found: {value}")
         object.__setattr__(self, "threads", self.threads or os.cpu_count() or 1)
         region = self.region
+        if not all(isinstance(value, Integral) for value in (region.x, region.y, region.width, region.height)):
+            raise SceneError(f"error: the region is not in whole pixels\n  found: {region}")
         if region == Region(0, 0, 0, 0):
             region = Region(0, 0, self.width, self.height)
             object.__setattr__(self, "region", region)

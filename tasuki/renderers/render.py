@@ -102,16 +102,25 @@ def render(
 
 
 def _options(size: tuple[int, int], *, region: Any, threads: int | None, **others: Any) -> RenderOptions:
-    width, height = size
-    if threads is not None and threads < 1:
+    width, height = _numbers("size", size, "(width, height)", 2)
+    if threads is not None and not (isinstance(threads, int) and threads >= 1):
         raise SceneError(str(Diagnostic("threads is out of range", expected="1 or more", found=str(threads))))
-    part = region if isinstance(region, Region) or region is None else Region(*region)
+    part = region
+    if region is not None and not isinstance(region, Region):
+        part = Region(*_numbers("region", region, "(x, y, width, height)", 4))
     if part is None:
         return RenderOptions(width, height, threads=threads or 0, **others)
     if part.width < 1 or part.height < 1:
         expected, found = "a width and height of 1 or more", f"{part.x},{part.y},{part.width},{part.height}"
         raise SceneError(str(Diagnostic("the region is empty", expected=expected, found=found)))
     return RenderOptions(width, height, threads=threads or 0, region=part, **others)
+
+
+def _numbers(what: str, given: Any, expected: str, count: int) -> Sequence[int]:
+    """`given` as it is; whether its members are numbers is checked by who takes them."""
+    if not (isinstance(given, Sequence) and not isinstance(given, str) and len(given) == count):
+        raise SceneError(str(Diagnostic(f"this is no {what}", expected=expected, found=repr(given))))
+    return given
 
 
 def _check_known(what: str, name: str, known: Mapping[str, bool]) -> None:
@@ -125,9 +134,14 @@ def _check_known(what: str, name: str, known: Mapping[str, bool]) -> None:
 
 def _load(scene: Scene | str | Path) -> tuple[Scene, float]:
     """The scene, and the seconds that reading it took; importing what reads it is not counted."""
-    if not isinstance(scene, str | Path):
-        return scene, 0.0
     from tasuki.scene.importers import load_scene
+    from tasuki.scene.model import Scene
+
+    if isinstance(scene, Scene):
+        return scene, 0.0
+    if not isinstance(scene, str | Path):
+        expected = "a Scene, or the name of a file"
+        raise SceneError(str(Diagnostic("this is no scene", expected=expected, found=repr(scene))))
 
     started = perf_counter()
     return load_scene(scene), perf_counter() - started
@@ -140,6 +154,7 @@ def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
     """The modules that are to fill sockets, each held against its socket. LinkError with all that do not fit."""
     if not given:
         return {}
+    from tasuki.language.declare import Module
     from tasuki.language.link import mismatch, reached_sockets
     from tasuki.language.load import resolve_module
     from tasuki.modules.raytrace import trace_pixel
@@ -147,6 +162,10 @@ def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
     from tasuki.scene.kinds import kinds
 
     modules = {name: resolve_module(one) if isinstance(one, str) else one for name, one in given.items()}
+    for name, one in modules.items():
+        if not isinstance(one, Module):
+            expected = "a module, or FILE.py:NAME"
+            raise LinkError(str(Diagnostic(f"this cannot fill socket `{name}`", expected=expected, found=repr(one))))
     sockets = reached_sockets(trace_pixel, default_fillers(kinds()) | modules)
     fillable = ", ".join(sorted(name for name, socket in sockets.items() if not socket.dispatch))
     problems: list[Diagnostic] = []

@@ -166,3 +166,12 @@ def test_a_linked_program_can_be_made_of_an_imported_record():
         return quadric.constant
 
     assert link(constant).functions[constant.qualified_name].parameters[0].type == Quadric.ir
+
+
+def test_a_module_is_made_by_def():
+    async def waits(x: f32) -> f32:
+        return x
+
+    for thing, found in ((lambda x: x, "a lambda"), (waits, "an `async def`"), (3, "3, of type int")):
+        with pytest.raises(SourceError, match=f"@module goes before a function(.|\n)*found: {found}"):
+            module(thing)

@@ -119,10 +119,6 @@ def word_pointers(e: Emitter, table: TableValue, index: Leaf, leaf: int) -> str:
     return _word_addresses(e, table, e.broadcast(index), leaf)
 
 
-def word_pointer(e: Emitter, table: TableValue, index: Leaf, leaf: int) -> str:
-    return _word_address(e, table, index, leaf)
-
-
 def _word_offset(table: TableValue, leaf: int) -> int:
     row, bank = table.record.layout[leaf]
     return row * BANKS + bank
