@@ -39,7 +39,8 @@ class Camera:
 
     `eye` looks at `at`, and `up` (not parallel to that) points to the upper edge. `angle` is the field of view over the
     picture's *height*, measured between its edges, or, as NFF does, between the centres of its outer pixels. Pixels are
-    square. `hither` is the distance of the front clipping plane; `resolution` is (width, height) in pixels.
+    square. `hither` is the distance of the front clipping plane, by which ray tracing does not clip; `resolution` is
+    (width, height) in pixels.
     """
 
     eye: Vector
