@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TextIO
 
 from tasuki.diagnostics import MachineError
 from tasuki.machines.pu import isa
@@ -17,7 +17,9 @@ from tasuki.machines.pu.simulate.counters import Counters, count, count_labels, 
 from tasuki.machines.pu.simulate.fast import Fast
 from tasuki.machines.pu.simulate.plain import Plain, Step
 from tasuki.machines.pu.simulate.state import Memory, State, start
+from tasuki.machines.pu.simulate.trace import TraceWriter
 from tasuki.machines.pu.simulate.traps import Trap
+from tasuki.machines.pu.simulate.vcd import VcdWriter
 
 __all__ = ["Counters", "Fast", "Memory", "Outcome", "Plain", "State", "Step", "Trap", "run", "start"]
 
@@ -55,18 +57,49 @@ def run(
     state: State | None = None,
     limit: int | None = None,
     machine: Literal["fast", "plain"] = "fast",
+    trace: TextIO | None = None,
+    vcd: TextIO | None = None,
 ) -> Outcome:
     """Run `program` until it halts.
 
     `memory` is put into data memory over the program's own data. `state` is where to begin in place of `start(program,
     memory)`; it is changed. Raises Trap (a MachineError) where the machine stops before the halt, and where it would
     make more than `limit` steps.
+
+    `trace` takes a table with a line for each step, `vcd` a value change dump; with either the plain simulator runs,
+    whatever `machine` says, and what was written before a trap stays.
     """
     if state is not None and memory is not None:
         raise MachineError("a run takes an initial memory or an initial state, not both")
     now = start(program, memory) if state is None else state
-    simulator: Plain | Fast = Plain(program, now) if machine == "plain" else Fast(program, now)
-    simulator.advance(ENDLESS if limit is None else limit)
+    steps = ENDLESS if limit is None else limit
+    simulator: Plain | Fast
+    if trace or vcd:
+        simulator = Plain(program, now)
+        _observe(simulator, steps, trace, vcd)
+    else:
+        simulator = Plain(program, now) if machine == "plain" else Fast(program, now)
+        simulator.advance(steps)
     if not now.halted:
         raise Trap("limit", f"no halt within {limit} steps", program, now)
     return Outcome(program, now, simulator.executions)
+
+
+def _observe(simulator: Plain, steps: int, trace: TextIO | None, vcd: TextIO | None) -> None:
+    """Make up to `steps` steps, writing each down."""
+    state = simulator.state
+    table = TraceWriter(trace, simulator.program) if trace else None
+    dump = VcdWriter(vcd) if vcd else None
+    if dump:
+        dump.sample(state)
+    last = state.steps + steps
+    try:
+        while not state.halted and state.steps < last:
+            step = simulator.step()
+            if table:
+                table.add(step, state)
+            if dump:
+                dump.sample(state)
+    finally:
+        if table:
+            table.finish()

@@ -46,7 +46,9 @@ class Fast:
             ("display", state.display, program.display_rows),
         ):
             if rows.shape != (size, 4) or rows.dtype != np.uint32 or not rows.flags.c_contiguous:
-                raise MachineError(f"the program's {name} has {size} rows of four 32-bit words, the state's {rows.shape}")
+                raise MachineError(
+                    f"the program's {name} has {size} rows of four 32-bit words, the state's {rows.shape}"
+                )
         self.program = program
         self.state = state
         self._native = native(program)

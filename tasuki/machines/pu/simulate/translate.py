@@ -26,6 +26,10 @@ from tasuki.machines.pu.simulate.native_tables import table_functions
 BUDGET, PART_START, PART_STEPS = range(3)
 CONTROL_WORDS = 3
 
+VARIABLES_LIMIT = 3000
+"""Blocks times slots up to which slots become LLVM's variables, in registers across blocks. The time to compile them
+grows with the square; beyond, each block loads what it needs from the state's words and stores what it changed."""
+
 _SELECT_FLAGS = {"sellt": ("lt",), "selle": ("lt", "eq"), "seleq": ("eq",)}
 _TESTS = {"le": ("lt", "eq"), "ule": ("ult", "eq")}
 
@@ -58,25 +62,27 @@ class _Translator:
         head = "define void @run(ptr noalias %state, ptr noalias %memory, ptr noalias %display, "
         head += "ptr noalias %control, ptr noalias %executions) {"
         tables = table_functions() if self.uses_tables else ""
-        return "\n".join([operations.DECLARATIONS, tables, head, *self.entry(), *self.e.lines, "}", ""])
+        return "\n".join([operations.DECLARATIONS, tables, head, *self.variables(), *self.e.lines, "}", ""])
 
     # --- the frame of the function ------------------------------------------------------------------------------------
 
-    def entry(self) -> list[str]:
-        """Every slot that the function touches comes from the state's words."""
+    def variables(self) -> list[str]:
+        """Where every slot that the function touches is kept: in a variable of its own or in the state's words."""
         lines = ["entry:", "  %budget = alloca i64"]
-        lines += [f'  %"{slot}" = alloca {SLOTS[slot].type}' for slot in self.e.touched]
+        lines += ["  %budget.first = load i64, ptr %control", "  store i64 %budget.first, ptr %budget"]
+        in_variables = self.in_variables()
         for slot in self.e.touched:
             place, type_ = SLOTS[slot].place, SLOTS[slot].type
-            lines.append(f'  %"{slot}.at" = getelementptr i32, ptr %state, i32 {place}')
-            if type_ == "i1":
-                lines.append(f'  %"{slot}.word" = load i32, ptr %"{slot}.at"')
-                lines.append(f'  %"{slot}.first" = trunc i32 %"{slot}.word" to i1')
-            else:
+            at = f"{slot}.at" if in_variables else slot
+            lines.append(f'  %"{at}" = getelementptr i32, ptr %state, i32 {place}')
+            if in_variables:
+                lines.append(f'  %"{slot}" = alloca {type_}')
                 lines.append(f'  %"{slot}.first" = load {type_}, ptr %"{slot}.at"')
-            lines.append(f'  store {type_} %"{slot}.first", ptr %"{slot}"')
-        lines += ["  %budget.first = load i64, ptr %control", "  store i64 %budget.first, ptr %budget"]
+                lines.append(f'  store {type_} %"{slot}.first", ptr %"{slot}"')
         return [*lines, "  br label %dispatch"]
+
+    def in_variables(self) -> bool:
+        return len(self.blocks) * len(self.e.touched) <= VARIABLES_LIMIT
 
     def dispatch(self) -> None:
         """To the block that begins at the address of a return or of a jump to the ALU's output."""
@@ -86,14 +92,12 @@ class _Translator:
         self.e.line(f"switch {address}, label %leave [ {cases} ]")
 
     def leave(self) -> None:
-        """Everything goes back to the state's words."""
+        """Everything goes back to where the host looks for it."""
         e = self.e
         e.block("leave")
-        for slot in e.touched:
-            value = e.read(slot)
-            if value.type == "i1":
-                value = e.value("i32", f"zext {value} to i32")
-            e.line(f'store {value}, ptr %"{slot}.at"')
+        if self.in_variables():
+            for slot in e.touched:
+                e.line(f'store {e.read(slot)}, ptr %"{slot}.at"')
         e.line(f"store {e.value('i64', 'load i64, ptr %budget')}, ptr %control")
         e.line("ret void")
 
