@@ -29,8 +29,9 @@ class Material:
 
     `ambient` is the share of `colour` that shows without any light; None: `diffuse` times `default_intensity`.
     `exponent` is Phong's. `reflection` weighs the mirrored ray; `transmission` of the light enters the surface, split
-    by Fresnel's equations, and `transmittance` of it passes each unit of the way inside. `two_sided` None: both sides show where `transmission` > 0 (so says NFF), and on patches with
-    normals, which approximate curved sheets; elsewhere the outside (of a polygon: the front) alone.
+    by Fresnel's equations, and `transmittance` of it passes each unit of the way inside. `two_sided` None: both sides
+    show where `transmission` > 0 (so says NFF), and on patches with normals, which approximate curved sheets; elsewhere
+    the outside (of a polygon: the front) alone.
     """
 
     name: str = "default"
