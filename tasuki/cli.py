@@ -41,6 +41,9 @@ app = typer.Typer(
 Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene: .yaml or .nff.", show_default=False)]
+Microcode = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Microcode: a .macro or .meta file.", show_default=False)
+]
 WithFiles = Annotated[
     list[Path] | None,
     typer.Option("--with", metavar="FILE.py", help="Run this file first: what it registers is known. Repeatable."),
@@ -253,6 +256,81 @@ def explain(
             raise TasukiError(f"error: there is no section {unknown}\n  expected: {', '.join(SECTIONS)}")
         found = find_module(module, with_files or [])
         print(explanation(found, sections) if sections else explanation(found))
+
+
+@app.command()
+def macros(
+    as_json: AsJson = False,
+    values: Annotated[int, typer.Option(metavar="N", min=1, help="Operands to measure each macro on.")] = 1 << 20,
+    debug: Debug = False,
+) -> None:
+    """Show Table 1: published steps, the steps that the simulator took, and measured errors."""
+    with reported(debug):
+        from tasuki.machines.pu.table1 import table
+        from tasuki.terminal import ProgressDisplay, print_macros
+
+        with ProgressDisplay() as progress:
+            rows = table(values=values, progress=lambda share: progress.tell("running macros", share))
+        if as_json:
+            print(json.dumps(rows, indent=2))
+        else:
+            print_macros(rows)
+
+
+@app.command()
+def asm(
+    file: Microcode,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT", help="By default standard output.")
+    ] = None,
+    emit: Annotated[str, typer.Option(metavar="macro|meta|listing|hex|binary", help="What to write.")] = "listing",
+    debug: Debug = False,
+) -> None:
+    """Assemble microcode."""
+    with reported(debug):
+        from tasuki.machines.pu.sources import assemble
+        from tasuki.renderers.files import check_writable, write_file
+
+        if output:
+            check_writable(output, suffixes=())
+        content = assemble(file).written(emit)
+        if output:
+            write_file(output, content)
+        else:
+            sys.stdout.buffer.write(content)
+
+
+@app.command()
+def run(
+    file: Microcode,
+    trace: Annotated[bool, typer.Option("--trace", help="Print what every step did.")] = False,
+    vcd: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a value change dump, as for GTKWave.")] = None,
+    limit: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop with an error after N steps.")] = None,
+    memory: Annotated[
+        str | None, typer.Option(metavar="FIRST,COUNT", help="Afterwards print these rows of data memory.")
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Run microcode on the simulated processor unit; print its steps and how busy its units were."""
+    rows = _numbers(memory, r"(\d+),(\d+)", "--memory", "FIRST,COUNT, such as 0,16")
+    with reported(debug):
+        from tasuki.machines.pu.simulate import run as simulate
+        from tasuki.machines.pu.sources import assemble
+        from tasuki.renderers.files import check_writable, written_aside
+        from tasuki.terminal import print_rows
+
+        if vcd:
+            check_writable(vcd, suffixes=())
+        program = assemble(file).program
+        shown = sys.stdout if trace else None
+        if vcd:
+            with written_aside(vcd) as aside, aside.open("w", encoding="ascii") as dump:
+                outcome = simulate(program, limit=limit, trace=shown, vcd=dump)
+        else:
+            outcome = simulate(program, limit=limit, trace=shown)
+        print(outcome.report())
+        if rows:
+            print_rows(outcome.state.memory, *rows)
 
 
 @app.command()

@@ -208,6 +208,30 @@ def print_modules(rows: Sequence[dict[str, Any]], cycles: bool) -> None:
     print_table("", columns, table, ["number", "cycles"])
 
 
+def print_macros(rows: Sequence[dict[str, Any]]) -> None:
+    """Table 1, each row followed by the shorter macros for the same operation."""
+    table = []
+    for row in rows:
+        for one in (row, *row["shorter"]):
+            first = one is row
+            published = ("damaged" if row["published"] is None else str(row["published"])) if first else ""
+            error = one["error"]
+            note = one["note"] if first else f"shorter; {one['note']}"
+            measured = f"{error['value']:.2g}" if error["unit"] == "absolute" else f"{error['value']:.2f}"
+            name = row["operation"] if first else ""
+            table.append([name, one["macro"], published, str(one["steps"]), measured, error["unit"], note])
+    columns = ["operation", "macro", "published", "steps", "error", "unit", "note"]
+    print_table("", columns, table, ["published", "steps", "error"])
+
+
+def print_rows(memory: Any, first: int, count: int) -> None:
+    """Rows of the processor unit's data memory, each word as bits and as the float that they are."""
+    for number in range(first, min(first + count, len(memory))):
+        words = memory[number : number + 1].view("float32")[0]
+        cells = "  ".join(f"{bits:08x} {value:<14.7g}" for bits, value in zip(memory[number], words, strict=True))
+        print(f"{number:8}  {cells.rstrip()}")
+
+
 def _short(file: str) -> str:
     """A path as seen from the folder that holds the package, where it is inside."""
     path, packages = Path(file), Path(__file__).parents[1]
