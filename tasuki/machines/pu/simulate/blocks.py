@@ -37,5 +37,5 @@ def blocks(program: isa.Program) -> list[Block]:
         if one.problems or operation not in ("next", "count", "count_alu", "drop"):
             starts.add(address + 1)
     inside = sorted(start for start in starts if 0 <= start < len(code))
-    ends = [*inside[1:], len(code)]
+    ends = [*inside[1:], len(code)][: len(inside)]
     return [Block(start, tuple(code[start:end])) for start, end in zip(inside, ends, strict=True)]
