@@ -88,13 +88,17 @@ def _quotient_operands(rng: np.random.Generator, n: int) -> list[Words]:
     """Normal a and b over the whole range, |b| up to 2**125, such that a/b is normal."""
     b = _log_uniform(rng, (n,), -126, 125)
     exponents = np.frexp(b)[1].astype(np.int64)
-    low, high = np.maximum(-126, -124 + exponents), np.minimum(127, 126 + exponents)
+    # a/b is between 1 and 4 times 2**(exponent of a - exponent of b as frexp has it).
+    low, high = np.maximum(-126, -126 + exponents), np.minimum(128, 127 + exponents)
     a = np.ldexp(np.float32(1) + rng.random(n, np.float32) * np.float32(0.999), rng.integers(low, high))
     return [scalars(a.astype(np.float32)), scalars(b)]
 
 
 def _reciprocal_operands(rng: np.random.Generator, n: int) -> list[Words]:
-    return [scalars(_log_uniform(rng, (n,), -126, 126))]
+    """Every exponent whose reciprocal is normal: also of subnormal numbers above 2**-128."""
+    numbers = _log_uniform(rng, (n,), -128, 126)
+    overflowing = np.abs(numbers) <= np.float32(2.0**-128)
+    return [scalars(np.where(overflowing, np.float32(2.0**-127), numbers))]
 
 
 def _positive(rng: np.random.Generator, n: int) -> list[Words]:
