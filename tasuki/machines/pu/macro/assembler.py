@@ -98,5 +98,7 @@ def _traced(one: Diagnostic, name: str, lines: list[Line]) -> Diagnostic:
     if one.span is None or one.span.file != name:
         return one
     line = lines[one.span.line - 1]
-    notes = (Note(f"which became `{line.text.strip()}`"),) if line.span else ()
-    return replace(one, span=line.span, source=None, notes=notes)
+    if line.origin is None:
+        return one
+    notes = (Note(f"which became `{line.text.strip()}`"),)
+    return replace(one, span=line.span, source=line.origin.source.text, notes=notes)

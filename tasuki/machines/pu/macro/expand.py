@@ -26,10 +26,15 @@ MAX_CALLS = 200_000
 
 @dataclass(frozen=True)
 class Line:
-    """One line of meta-assembler source. `span` is the program's own line that it comes from."""
+    """One line of meta-assembler source. `origin` is the place in the program that it comes from."""
 
     text: str
-    span: Span | None = None
+    origin: Token | None = None
+
+    @property
+    def span(self) -> Span | None:
+        """Where that is."""
+        return self.origin.span if self.origin else None
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,13 @@ class _Scope:
     def notes(self) -> list[Note]:
         """Where the statement is called from, for a message about it."""
         return [Note(f"in the expansion of '{macro.name.text}'", token.span) for macro, token in reversed(self.calls)]
+
+    def outside_library(self) -> tuple[Token, list[Note]] | None:
+        """For a statement of the library: the program's call that led to it, and what led to that."""
+        if not self.in_library:
+            return None
+        own = next(i for i, (macro, _) in enumerate(self.calls) if macro.library)
+        return self.calls[own][1], _Scope(calls=self.calls[:own]).notes()
 
 
 class Expansion:
@@ -68,7 +80,7 @@ class Expansion:
             origin = scope.calls[0][1] if scope.calls else one.tokens[0]
             if one.sort == "label":
                 name = scope.labels.get(one.tokens[0].text, one.tokens[0].text)
-                self.lines.append(Line(f"{name}:", origin.span))
+                self.lines.append(Line(f"{name}:", origin))
             elif one.sort == "distinct":
                 self._distinct(one.tokens, scope)
             elif one.sort == "call":
@@ -113,7 +125,7 @@ class Expansion:
                     raise ValueFault("an argument is missing", [name])
                 found.append(self._operand(part, scope))
             except ValueFault as fault:
-                self.reader.report(fault, name, scope.notes())
+                self._report(fault, name, scope)
         return found if len(found) == len(parts) else None
 
     def _choose(
@@ -154,13 +166,20 @@ class Expansion:
         try:
             one, other = (self._operand([tokens[i]], scope) for i in (1, 3))
         except ValueFault as fault:
-            self.reader.report(fault, tokens[0], scope.notes())
+            self._report(fault, tokens[0], scope)
             return
         if operands.span_of_registers(one) & operands.span_of_registers(other):
             call = scope.calls[-1][1]
             message = f"'{call.text}' needs two different operands here"
             found = f"{tokens[1].text} = {operands.shown(one)}, {tokens[3].text} = {operands.shown(other)}"
             self.errors.add(message, call, found=found, notes=scope.notes()[1:])
+
+    def _report(self, fault: ValueFault, fallback: Token, scope: _Scope) -> None:
+        """A fault; one inside the library is told at the call that caused it."""
+        outside = scope.outside_library()
+        if outside:
+            fault = ValueFault(f"'{outside[0].text}': {fault.message}", [outside[0]], fault.expected)
+        self.reader.report(fault, fallback, outside[1] if outside else scope.notes())
 
     # --- operands -----------------------------------------------------------------------------------------------------
 
@@ -185,7 +204,7 @@ class Expansion:
             one = scope.parameters[head]
             value = attribute(one, last) if last else one
             if value is None:
-                raise ValueFault(f"{operands.shown(one)} has no '{last}'", [token])
+                raise ValueFault(operands.attribute_fault(one, last), [token])
             return value
         if text in scope.labels:
             return Label(scope.labels[text])
@@ -220,9 +239,9 @@ class Expansion:
                 try:
                     texts.append(f"{one.name}={self._field_value(one, head, tokens[at + 2 : end], scope)}")
                 except ValueFault as fault:
-                    self.reader.report(fault, head, scope.notes())
+                    self._report(fault, head, scope)
             at = end
-        self.lines.append(Line("    " + " ".join(texts), origin.span))
+        self.lines.append(Line("    " + " ".join(texts), origin))
 
     def _fields(self, head: Token, scope: _Scope) -> list[Field]:
         """The fields that a name stands for: one, or the same of several units (`xyzs.op`)."""
@@ -244,7 +263,8 @@ class Expansion:
         try:
             value = self._operand(tokens, scope)
         except ValueFault:
-            if one.kind == "choice" and len(tokens) == 1 and tokens[0].kind == "name":
+            known = tokens[0].text.partition(".")[0] in scope.parameters
+            if one.kind == "choice" and len(tokens) == 1 and tokens[0].kind == "name" and not known:
                 near = close_match(tokens[0].text, one.codes) or ", ".join(one.codes)
                 raise ValueFault(f"'{tokens[0].text}' is not a value of {one.name}", tokens, near) from None
             raise

@@ -141,6 +141,13 @@ def attribute(operand: Operand, name: str) -> Operand | None:
     return None
 
 
+def attribute_fault(operand: Operand, name: str) -> str:
+    """Why `operand.name` is nothing."""
+    if isinstance(operand, Field) and name in ("latch", "alu_latch"):
+        return f"{shown(operand)} is more than one word"
+    return f"{shown(operand)} has no '{name}'"
+
+
 def _of_table(table: Table, name: str) -> Operand | None:
     if name in table.record.fields:
         row, banks = table.record.fields[name]
