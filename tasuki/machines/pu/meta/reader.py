@@ -166,9 +166,9 @@ class Reader:
             elif len(self._active) > MAX_INCLUDES:
                 self.errors.add("includes are nested too deeply", rest[0], expected=f"at most {MAX_INCLUDES} levels")
             elif real not in self._done:
-                origin = self._origin
-                self._origin = None
-                self.read(read_source(path), path)
+                source = read_source(path)
+                origin, self._origin = self._origin, None
+                self.read(source, path)
                 self._origin = origin
         except SourceError as error:
             diagnostic = error.diagnostics[0]

@@ -15,8 +15,10 @@ from typing import NamedTuple
 
 from tasuki.diagnostics import Diagnostic, Note, SourceError, Span
 
-MAX_BYTES = 16 * 1024 * 1024
+MAX_BYTES = 8 * 1024 * 1024
 """The largest source file: many times what fills program memory."""
+MAX_LINE = 100_000
+"""The longest line, in characters."""
 MAX_ERRORS = 100
 """Errors that are collected before the assembler gives up."""
 
@@ -148,6 +150,10 @@ def _unreadable(name: str, message: str, expected: str | None = None, found: str
 def tokenize(source: Source, line: int, errors: Errors) -> list[Token]:
     """The tokens of one line (numbered from 1); characters that begin no token are reported and skipped."""
     text, at, tokens = source.lines[line - 1], 0, []
+    if len(text) > MAX_LINE:
+        # Without a place, for the line would be drawn in full.
+        errors.add(f"{source.name}: line {line} is too long", None, expected=f"at most {MAX_LINE} characters")
+        return []
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
