@@ -114,34 +114,19 @@ class Reader:
         self.lines.append(Line(tokens, span, raw))
 
     def _const(self, head: Token, rest: list[Token]) -> None:
-        named = self._named(head, rest)
-        if named:
-            self.symbols.define_constant(*named)
-
-    def _named(self, head: Token, rest: list[Token]) -> tuple[Token, list[Token]] | None:
-        """`NAME = tokens`, or an error."""
         if len(rest) < 3 or rest[0].kind != "name" or rest[1].text != "=":
-            self._malformed(head, rest, f"{head.text} NAME = VALUE")
-            return None
-        return rest[0], rest[2:]
+            return self._malformed(head, rest, f"{head.text} NAME = VALUE")
+        return self.symbols.define_constant(rest[0], rest[2:])
 
     def _define(self, head: Token, rest: list[Token]) -> None:
-        form = ".define NAME = FIELDS, or .define NAME(PARAMETER, ...) = FIELDS"
         equals = next((i for i, token in enumerate(rest) if token.text == "="), 0)
         front, body = rest[:equals], rest[equals + 1 :]
-        if not front or front[0].kind != "name":
-            return self._malformed(head, rest, form)
-        parameters = front[2:-1]
-        if len(front) > 1 and (front[1].text != "(" or front[-1].text != ")" or len(front) < 3):
-            return self._malformed(head, rest, form)
-        separated = all((token.kind == "name") == (i % 2 == 0) for i, token in enumerate(parameters))
-        commas = all(token.text == "," for token in parameters[1::2])
-        if not separated or not commas or (parameters and len(parameters) % 2 == 0):
-            return self._malformed(head, rest, form)
+        parameters = _parameters(front)
+        if parameters is None:
+            return self._malformed(head, rest, ".define NAME = FIELDS, or .define NAME(PARAMETER, ...) = FIELDS")
         if front[0].text in self.isa.by_name:
-            self.errors.add(f"'{front[0].text}' is the name of a field", front[0], hint="choose another name")
-            return None
-        return self.definitions.add(Definition(front[0], tuple(parameters[::2]), tuple(body)))
+            return self.errors.add(f"'{front[0].text}' is the name of a field", front[0], hint="choose another name")
+        return self.definitions.add(Definition(front[0], tuple(parameters), tuple(body)))
 
     def _value(self, head: Token, rest: list[Token]) -> None:
         if len(rest) < 4 or rest[0].kind != "name" or rest[1].kind != "name" or rest[2].text != "=":
@@ -217,3 +202,18 @@ class Reader:
 
     def _malformed(self, head: Token, rest: list[Token], form: str) -> None:
         self.errors.add(f"{head.text} is malformed", [head, *rest], expected=form)
+
+
+def _parameters(front: list[Token]) -> list[Token] | None:
+    """The parameters of ``NAME`` or ``NAME(PARAMETER, ...)``; None where it is neither."""
+    if not front or front[0].kind != "name":
+        return None
+    if len(front) == 1:
+        return []
+    if len(front) < 3 or front[1].text != "(" or front[-1].text != ")":
+        return None
+    inside = front[2:-1]
+    names, commas = inside[::2], inside[1::2]
+    if any(token.kind != "name" for token in names) or any(token.text != "," for token in commas):
+        return None
+    return None if inside and len(names) == len(commas) else names
