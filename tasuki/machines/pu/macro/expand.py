@@ -105,7 +105,8 @@ class Expansion:
             return
         self._calls += 1
         if self._calls > MAX_CALLS:
-            self.errors.add("the program expands to too many calls", name, expected=f"at most {MAX_CALLS}")
+            origin = scope.calls[0][1] if scope.calls else name
+            self.errors.add("the program expands to too many calls", origin, expected=f"at most {MAX_CALLS}")
             raise TooManyErrors
         shown = ", ".join(map(operands.shown, arguments))
         self.lines.append(Line(f"{'  ' * len(scope.calls)}; {name.text} {shown}".rstrip()))
