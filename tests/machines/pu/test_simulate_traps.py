@@ -99,9 +99,19 @@ def test_traps_name_file_line_step_label_and_state(trapped: Trapped, tmp_path):
 
 def test_the_trap_comes_before_the_step_changes_anything(trapped: Trapped):
     everything = {
-        "x.op": "copy", "x.a": "lit", "x.w": "result", "alu.op": "test", "tab.op": "rcp", "mem.op": "write", "mem.on": 15,
-        "ag.mode": "base_lit", "ag.update": "inc", "disp.op": "pixel", "seq.op": "count", "lit": 16,
-    }  # fmt: skip
+        "x.op": "copy",
+        "x.a": "lit",
+        "x.w": "result",
+        "alu.op": "test",
+        "tab.op": "rcp",
+        "mem.op": "write",
+        "mem.on": 15,
+        "ag.mode": "base_lit",
+        "ag.update": "inc",
+        "disp.op": "pixel",
+        "seq.op": "count",
+        "lit": 16,
+    }
     trap = trapped(program(everything, HALT))
     assert trap.state.differences(simulate.start(program(everything, HALT))) == []
 

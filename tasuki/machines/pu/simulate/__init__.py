@@ -21,8 +21,9 @@ from tasuki.machines.pu.simulate.trace import TraceWriter
 from tasuki.machines.pu.simulate.traps import Trap
 from tasuki.machines.pu.simulate.vcd import VcdWriter
 
-__all__ = ["Counters", "Fast", "Memory", "Outcome", "Plain", "State", "Step", "Trap", "run", "start"]
+__all__ = ["Counters", "Fast", "Machine", "Memory", "Outcome", "Plain", "State", "Step", "Trap", "run", "start"]
 
+Machine = Literal["fast", "plain"]
 ENDLESS = 1 << 62
 """More steps than anyone will wait for."""
 
@@ -56,7 +57,7 @@ def run(
     memory: Memory | None = None,
     state: State | None = None,
     limit: int | None = None,
-    machine: Literal["fast", "plain"] = "fast",
+    machine: Machine = "fast",
     trace: TextIO | None = None,
     vcd: TextIO | None = None,
 ) -> Outcome:

@@ -28,8 +28,8 @@ TRUE = Value("i1", "true")
 class Emitter:
     """Collects the lines of one function.
 
-    State lives in one `alloca` for each slot that the function touches. Within a block `current` holds the values that
-    were read or written, and `changed` names those that are not yet in their `alloca`.
+    Every slot of the state that the function touches has a pointer of its name. Within a block `current` holds the
+    values that were read or written, and `changed` names those that have not been stored yet.
     """
 
     def __init__(self) -> None:
@@ -106,6 +106,6 @@ class Emitter:
         self.changed[slot] = None
 
     def flush(self) -> None:
-        """Bring every `alloca` up to date; afterwards the block must end."""
+        """Store what has changed; afterwards the block must end."""
         for slot in self.changed:
             self.line(f'store {self.current[slot]}, ptr %"{slot}"')

@@ -19,7 +19,11 @@ NOWHERE = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class Slot:
-    """A variable of native code: its place among the words, and its type in LLVM: float, i32 or i1."""
+    """A variable of native code: its place among the words, and its type in LLVM: float, i32 or i1.
+
+    An i1 is stored in the first byte of its word, the others being 0: right for little-endian processors, as all are
+    for which `tasuki.native` compiles.
+    """
 
     name: str
     place: int

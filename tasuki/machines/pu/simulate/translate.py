@@ -9,8 +9,10 @@ blocks as long as the budget of steps lasts, and returns
 - before a block that the budget does not reach through, and at an address where no block begins: the plain simulator
   makes these steps too.
 
-`executions` counts blocks that ran to their end; PART_START and PART_STEPS say which block was left before it, and
-after how many steps.
+Within a block registers, outputs and flags are LLVM's values; between blocks they stand in the state's words. (With
+variables of LLVM's own in their place loops ran half as fast again, but the time to compile grew with the square of the
+program.) `executions` counts blocks that ran to their end; PART_START and PART_STEPS say which block was left before
+its end, and after how many steps.
 """
 
 from __future__ import annotations
@@ -25,11 +27,6 @@ from tasuki.machines.pu.simulate.native_tables import table_functions
 
 BUDGET, PART_START, PART_STEPS = range(3)
 CONTROL_WORDS = 3
-
-VARIABLES_LIMIT = 3000
-"""Blocks times slots up to which slots become LLVM's variables, in registers across blocks. The time to compile them
-grows with the square; beyond, each block loads what it needs from the state's words and stores what it changed."""
-
 _SELECT_FLAGS = {"sellt": ("lt",), "selle": ("lt", "eq"), "seleq": ("eq",)}
 _TESTS = {"le": ("lt", "eq"), "ule": ("ult", "eq")}
 
@@ -62,27 +59,17 @@ class _Translator:
         head = "define void @run(ptr noalias %state, ptr noalias %memory, ptr noalias %display, "
         head += "ptr noalias %control, ptr noalias %executions) {"
         tables = table_functions() if self.uses_tables else ""
-        return "\n".join([operations.DECLARATIONS, tables, head, *self.variables(), *self.e.lines, "}", ""])
+        return "\n".join([operations.DECLARATIONS, tables, head, *self.entry(), *self.e.lines, "}", ""])
 
     # --- the frame of the function ------------------------------------------------------------------------------------
 
-    def variables(self) -> list[str]:
-        """Where every slot that the function touches is kept: in a variable of its own or in the state's words."""
+    def entry(self) -> list[str]:
+        """Where every slot that the function touches stands."""
         lines = ["entry:", "  %budget = alloca i64"]
         lines += ["  %budget.first = load i64, ptr %control", "  store i64 %budget.first, ptr %budget"]
-        in_variables = self.in_variables()
         for slot in self.e.touched:
-            place, type_ = SLOTS[slot].place, SLOTS[slot].type
-            at = f"{slot}.at" if in_variables else slot
-            lines.append(f'  %"{at}" = getelementptr i32, ptr %state, i32 {place}')
-            if in_variables:
-                lines.append(f'  %"{slot}" = alloca {type_}')
-                lines.append(f'  %"{slot}.first" = load {type_}, ptr %"{slot}.at"')
-                lines.append(f'  store {type_} %"{slot}.first", ptr %"{slot}"')
+            lines.append(f'  %"{slot}" = getelementptr i32, ptr %state, i32 {SLOTS[slot].place}')
         return [*lines, "  br label %dispatch"]
-
-    def in_variables(self) -> bool:
-        return len(self.blocks) * len(self.e.touched) <= VARIABLES_LIMIT
 
     def dispatch(self) -> None:
         """To the block that begins at the address of a return or of a jump to the ALU's output."""
@@ -92,14 +79,10 @@ class _Translator:
         self.e.line(f"switch {address}, label %leave [ {cases} ]")
 
     def leave(self) -> None:
-        """Everything goes back to where the host looks for it."""
-        e = self.e
-        e.block("leave")
-        if self.in_variables():
-            for slot in e.touched:
-                e.line(f'store {e.read(slot)}, ptr %"{slot}.at"')
-        e.line(f"store {e.value('i64', 'load i64, ptr %budget')}, ptr %control")
-        e.line("ret void")
+        """Back to the host."""
+        self.e.block("leave")
+        self.e.line(f"store {self.e.value('i64', 'load i64, ptr %budget')}, ptr %control")
+        self.e.line("ret void")
 
     def label(self, name: str) -> str:
         self.labels += 1
