@@ -62,6 +62,40 @@ def slab_entry(low: vec3, high: vec3, inverse: vec3, shifted: vec3, far: f32) ->
     return enter, leave
 
 
+@module
+def leaf_range(leaf: i32) -> tuple[i32, i32]:
+    """The first place in `boxes` that belongs to a leaf, and the first after it."""
+    first = leaf >> LEAF_SHIFT
+    return first, first + (leaf & LEAF_MASK) + 1
+
+
+@module
+def nearest_in_leaf(
+    leaf: i32, origin: vec3, direction: vec3, left: i32, nearest: f32, hit: i32
+) -> tuple[f32, i32]:
+    """The nearer of the nearest hit so far and those in a leaf. Selected, not branched: lanes seldom agree."""
+    first, end = leaf_range(leaf)
+    for place in range(first, end):
+        primitive = boxes[place].code
+        t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
+        closer = t < nearest or (t == nearest and primitive < hit)
+        nearest = select(closer, t, nearest)
+        hit = select(closer, primitive, hit)
+    return nearest, hit
+
+
+@module
+def blocked_in_leaf(leaf: i32, origin: vec3, direction: vec3, left: i32, distance: f32) -> bool:
+    """Whether something in a leaf is hit before `distance`."""
+    first, end = leaf_range(leaf)
+    blocked = False
+    for place in range(first, end):
+        primitive = boxes[place].code
+        t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
+        blocked = blocked or t < distance
+    return blocked
+
+
 @module(number=14, method="raytrace")
 def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32, i32]:
     """The nearest visible hit of a ray of unit direction: its t, and the code of the primitive (NOTHING: none).
@@ -103,13 +137,7 @@ def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32,
             else:
                 break
         if code < 0:
-            leaf = -1 - code
-            for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
-                primitive = boxes[place].code
-                t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
-                closer = t < nearest or (t == nearest and primitive < hit)
-                nearest = select(closer, t, nearest)
-                hit = select(closer, primitive, hit)
+            nearest, hit = nearest_in_leaf(-1 - code, origin, direction, left, nearest, hit)
         walking = False
         while depth > 0 and not walking:
             depth -= 1
@@ -150,13 +178,7 @@ def shadow_intersection(origin: vec3, direction: vec3, left: i32, distance: f32)
             else:
                 break
         if code < 0:
-            leaf = -1 - code
-            blocked = False
-            for place in range(leaf >> LEAF_SHIFT, (leaf >> LEAF_SHIFT) + (leaf & LEAF_MASK) + 1):
-                primitive = boxes[place].code
-                t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
-                blocked = blocked or t < distance
-            if blocked:
+            if blocked_in_leaf(-1 - code, origin, direction, left, distance):
                 return True
         walking = depth > 0
         if walking:

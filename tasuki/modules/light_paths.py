@@ -3,7 +3,7 @@
 Both fill the socket `traced_light`; a scene in which nothing is transparent is linked with the first, which is faster.
 """
 
-from tasuki.language import any_lane, array, f32, i32, module, reciprocal, select, vec3
+from tasuki.language import any_lane, array, f32, i32, module, reciprocal, record, vec3
 from tasuki.modules.bvh import NOTHING, nearest_intersection
 from tasuki.modules.directions import reflection_direction
 from tasuki.modules.elementary import power
@@ -54,99 +54,114 @@ def attenuation(attribute: Attribute, distance: f32) -> vec3:
     return vec3(power(clear.x, distance), power(clear.y, distance), power(clear.z, distance))
 
 
+@record
+class Ray:
+    """A ray that waits to be followed. A lane that has no such ray `rests`."""
+
+    origin: vec3
+    direction: vec3
+    weight: vec3
+    left: i32
+    rests: bool
+
+
+@record
+class Fork:
+    """What one ray met: the light that came from there, and the rays that go on from it."""
+
+    luminance: vec3
+    met: i32
+    shadow: i32
+    mirrored: Ray
+    refracted: Ray
+
+
+@module
+def shares(attribute: Attribute, direction: vec3, normal: vec3, ratio: f32) -> tuple[f32, f32]:
+    """The shares of the light that a surface mirrors and refracts.
+
+    `attribute.reflection` of it is mirrored whatever the angle; `attribute.transmission` of it enters the surface,
+    which splits that by Fresnel's energy ratio. `ratio` as in module 5.
+    """
+    mirrored = attribute.reflection
+    refracted = 0.0
+    if attribute.transmission > 0.0:
+        reflected, transmitted = energy_ratio(direction, normal, ratio)
+        mirrored = mirrored + attribute.transmission * reflected
+        refracted = attribute.transmission * transmitted
+    return mirrored, refracted
+
+
+@module
+def fork_at(ray: Ray, t: f32, hit: i32) -> Fork:
+    """The light from the surface that a ray has hit, and the rays that its mirror and its glass send on."""
+    surface = surface_at(ray.origin, ray.direction, t, hit)
+    attribute = attributes[surface.attribute]
+    offset = lift(surface, t)
+    weight = ray.weight
+    ratio = reciprocal(attribute.index)
+    if not surface.entering:
+        weight = weight * attenuation(attribute, t)
+        ratio = attribute.index
+    start = surface.point + offset
+    luminance, shadow_rays = direct_light(attribute, surface, start, ray.direction, hit)
+    mirrored, refracted = shares(attribute, ray.direction, surface.normal, ratio)
+    bent, possible = refraction_direction(ray.direction, surface.normal, ratio)
+    sent = possible and attribute.transmission > 0.0
+    mirror = reflection_direction(ray.direction, surface.normal)
+    return Fork(
+        weight * luminance,
+        1,
+        shadow_rays,
+        Ray(start, mirror, mirrored * weight, hit, not mirrored > 0.0),
+        Ray(surface.point - offset, bent, refracted * weight, hit, not sent),
+    )
+
+
+@module
+def fork_of(ray: Ray, background: vec3) -> Fork:
+    """What a ray meets; nothing goes on from a ray that rests, or that meets only the background."""
+    ended = Ray(ray.origin, ray.direction, ray.weight, NOTHING, True)
+    fork = Fork(vec3(0.0), 0, 0, ended, ended)
+    if not ray.rests:
+        t, hit = nearest_intersection(ray.origin, ray.direction, ray.left)
+        if hit == NOTHING:
+            fork.luminance = ray.weight * background
+        else:
+            fork = fork_at(ray, t, hit)
+    return fork
+
+
 @module(fills="traced_light")
 def trace_tree(view: View, eye_direction: vec3) -> Traced:
-    """Follow an eye ray and the tree of rays that mirrors and dielectrics make of it, depth first.
+    """Follow an eye ray and the tree of rays that mirrors and dielectrics make of it, mirrors first.
 
-    The rays that lanes still have to follow wait on one stack for the packet: all lanes walk through the same tree, and
-    in a branch that some lanes do not have these rest. So every lane adds up its own luminance in the tree's order.
-
-    A dielectric's surface sends on `attribute.reflection` of the light as a mirror of its own, and splits
-    `attribute.transmission` of it by Fresnel's energy ratio between the reflected ray and the refracted one.
+    The rays that are still to be followed wait on one stack for the packet: all lanes walk through the same tree, and
+    in a branch that a lane does not have it rests. So every lane adds up its own luminance in the tree's order.
     """
-    origins = array(vec3, DEEPEST)
-    directions = array(vec3, DEEPEST)
-    weights = array(vec3, DEEPEST)
-    lefts = array(i32, DEEPEST)
-    rested = array(i32, DEEPEST)
+    waiting = array(Ray, DEEPEST)
     generations = array(i32, DEEPEST)
-    origin = view.eye
-    direction = eye_direction
-    weight = vec3(1.0)
-    left = NOTHING
-    resting = 0
-    generation = 1
-    waiting = 0
+    count = 1
+    waiting[0] = Ray(view.eye, eye_direction, vec3(1.0), NOTHING, False)
+    generations[0] = 1
     out = Traced(vec3(0.0), 0, 0, 0, 0)
-    walking = True
-    while walking:
-        mirrored = False
-        refracted = False
-        mirror_direction = direction
-        mirror_weight = weight
-        refraction_weight = weight
-        bent = direction
-        outside = origin
-        inside = origin
-        struck = NOTHING
-        if resting == 0:
-            t, hit = nearest_intersection(origin, direction, left)
-            if hit == NOTHING:
-                out.luminance = accumulate_luminance(out.luminance, weight, view.background)
-            else:
-                if generation == 1:
-                    out.eye_hits = 1
-                surface = surface_at(origin, direction, t, hit)
-                entering = surface.entering
-                attribute = attributes[surface.attribute]
-                offset = lift(surface, t)
-                outside = surface.point + offset
-                inside = surface.point - offset
-                struck = hit
-                if not entering:
-                    weight = weight * attenuation(attribute, t)
-                luminance, shadow_rays = direct_light(attribute, surface, outside, direction, hit)
-                out.shadow += shadow_rays
-                out.luminance = accumulate_luminance(out.luminance, weight, luminance)
-                mirror_share = attribute.reflection
-                refraction_share = 0.0
-                if attribute.transmission > 0.0:
-                    ratio = select(entering, reciprocal(attribute.index), attribute.index)
-                    bent, refracted = refraction_direction(direction, surface.normal, ratio)
-                    reflected, transmitted = energy_ratio(direction, surface.normal, ratio)
-                    mirror_share = mirror_share + attribute.transmission * reflected
-                    refraction_share = attribute.transmission * transmitted
-                mirrored = mirror_share > 0.0
-                mirror_direction = reflection_direction(direction, surface.normal)
-                mirror_weight = mirror_share * weight
-                refraction_weight = refraction_share * weight
-                if mirrored and generation < view.depth:
-                    out.reflection += 1
-                if refracted and generation < view.depth:
-                    out.refraction += 1
-        if generation < view.depth and any_lane(refracted):
-            origins[waiting] = inside
-            directions[waiting] = bent
-            weights[waiting] = refraction_weight
-            lefts[waiting] = struck
-            rested[waiting] = select(refracted, 0, 1)
-            generations[waiting] = generation + 1
-            waiting += 1
-        if generation < view.depth and any_lane(mirrored):
-            origin = outside
-            direction = mirror_direction
-            weight = mirror_weight
-            left = struck
-            resting = select(mirrored, 0, 1)
-            generation += 1
-        else:
-            walking = waiting > 0
-            if walking:
-                waiting -= 1
-                origin = origins[waiting]
-                direction = directions[waiting]
-                weight = weights[waiting]
-                left = lefts[waiting]
-                resting = rested[waiting]
-                generation = generations[waiting]
+    while count > 0:
+        count -= 1
+        generation = generations[count]
+        fork = fork_of(waiting[count], view.background)
+        out.luminance = out.luminance + fork.luminance
+        out.shadow += fork.shadow
+        if generation == 1:
+            out.eye_hits = fork.met
+        if generation < view.depth:
+            out.reflection += i32(not fork.mirrored.rests)
+            out.refraction += i32(not fork.refracted.rests)
+            if any_lane(not fork.refracted.rests):
+                waiting[count] = fork.refracted
+                generations[count] = generation + 1
+                count += 1
+            if any_lane(not fork.mirrored.rests):
+                waiting[count] = fork.mirrored
+                generations[count] = generation + 1
+                count += 1
     return out

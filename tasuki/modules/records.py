@@ -129,7 +129,10 @@ class Light:
 
 @record
 class View:
-    """What is drawn: sample (x, y) of the picture lies in direction corner + x * right + y * down from the eye."""
+    """What is drawn: sample (x, y) of the picture lies in direction corner + x * right + y * down from the eye.
+
+    Places in memory count from `origin`: a module that wants a point in the scene's own coordinates adds it.
+    """
 
     eye: vec3
     width: i32
@@ -140,6 +143,7 @@ class View:
     down: vec3
     depth: i32
     background: vec3
+    origin: vec3
     region_x: i32
     region_y: i32
     region_width: i32

@@ -81,12 +81,16 @@ class PreparedScene:
         return {name: MemoryTable(self.memory.rows, place.base, place.count) for name, place in places.items()}
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The corners of the box around all primitives that have bounds; None where there are none."""
+        """The corners of the box around all primitives that have bounds, in the scene's coordinates, float64.
+
+        None where there are none.
+        """
         boxes = self.memory.table("boxes")
         bounded = (np.abs(boxes["low"]) < UNBOUNDED).all(axis=1) & (np.abs(boxes["high"]) < UNBOUNDED).all(axis=1)
         if not bounded.any():
             return None
-        return boxes["low"][bounded].min(axis=0), boxes["high"][bounded].max(axis=0)
+        low, high = boxes["low"][bounded].min(axis=0), boxes["high"][bounded].max(axis=0)
+        return low + self.packed.origin, high + self.packed.origin
 
 
 def default_fillers(kinds: Sequence[PrimitiveKind], transparent: bool = True) -> dict[str, Filler]:

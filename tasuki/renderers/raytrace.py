@@ -77,7 +77,9 @@ class RayTracer:
         options = self.options
         frame = self.scene.camera.frame(options.width, options.height)
         view = self.memory.table("views")
-        for name in ("eye", "corner", "right", "down"):
+        view["origin"] = self.prepared.packed.origin
+        view["eye"] = frame.eye - self.prepared.packed.origin
+        for name in ("corner", "right", "down"):
             view[name] = getattr(frame, name)
         view["background"] = self.scene.background
         view["width"], view["height"] = options.width, options.height

@@ -32,17 +32,20 @@ class Primitives:
     shapes: np.ndarray
 
 
-def lower(scene: Scene) -> list[Primitives]:
-    """The primitives of the scene, by kind in the order of kinds; kinds without any are left out."""
-    lowered = [_spheres(scene), _cones(scene), *_polygons(scene)]
+def lower(scene: Scene, origin: np.ndarray) -> list[Primitives]:
+    """The primitives of the scene, by kind in the order of kinds; kinds without any are left out.
+
+    Their coordinates count from `origin`, (3,) float64 in the scene's own.
+    """
+    lowered = [_spheres(scene, origin), _cones(scene, origin), *_polygons(scene, origin)]
     return sorted((one for one in lowered if len(one.records)), key=lambda one: one.kind.number)
 
 
-def _spheres(scene: Scene) -> Primitives:
+def _spheres(scene: Scene, origin: np.ndarray) -> Primitives:
     """(P - centre)^T I (P - centre) = radius^2."""
     spheres = scene.shapes.spheres
     kind, records = _records("quadric", scene, spheres, inside_only=spheres.radius < 0.0)
-    records["centre"] = spheres.centre
+    records["centre"] = _float32(spheres.centre - origin)
     records["constant"] = _float32(spheres.radius**2)
     records["q1"] = (1.0, 0.0, 0.0)
     records["q2"] = (0.0, 1.0, 0.0)
@@ -51,14 +54,14 @@ def _spheres(scene: Scene) -> Primitives:
     return Primitives(kind, records, _shape_numbers(scene, SPHERE))
 
 
-def _cones(scene: Scene) -> Primitives:
+def _cones(scene: Scene, origin: np.ndarray) -> Primitives:
     cones = scene.shapes.cones
     inside_only = (cones.base_radius < 0.0) | (cones.apex_radius < 0.0)
     kind, records = _records("cone", scene, cones, inside_only=inside_only)
     along = cones.apex - cones.base
     length = np.linalg.norm(along, axis=1)
     base_radius, apex_radius = np.abs(cones.base_radius), np.abs(cones.apex_radius)
-    records["base"] = _float32(cones.base)
+    records["base"] = _float32(cones.base - origin)
     records["radius"] = _float32(base_radius)
     records["axis"] = along / length[:, None]
     records["length"] = _float32(length)
@@ -66,7 +69,7 @@ def _cones(scene: Scene) -> Primitives:
     return Primitives(kind, records, _shape_numbers(scene, CONE))
 
 
-def _polygons(scene: Scene) -> list[Primitives]:
+def _polygons(scene: Scene, origin: np.ndarray) -> list[Primitives]:
     """Flat convex polygons of four corners as quads, all others as triangles."""
     polygons = scene.shapes.polygons
     whole = np.flatnonzero(flat_convex_quads(polygons))
@@ -74,18 +77,20 @@ def _polygons(scene: Scene) -> list[Primitives]:
     corners, owner = triangulate(polygons)
     left = ~np.isin(owner, whole)
     return [
-        _flat_primitives("triangle", scene, corners[left], owner[left]),
-        _flat_primitives("quad", scene, quad_corners, whole),
+        _flat_primitives("triangle", scene, origin, corners[left], owner[left]),
+        _flat_primitives("quad", scene, origin, quad_corners, whole),
     ]
 
 
-def _flat_primitives(kind_name: str, scene: Scene, corners: np.ndarray, owner: np.ndarray) -> Primitives:
+def _flat_primitives(
+    kind_name: str, scene: Scene, origin: np.ndarray, corners: np.ndarray, owner: np.ndarray
+) -> Primitives:
     """Primitives with `corners` (n, 3 or 4), indices into the polygons' points; `owner` is the polygon of each."""
     polygons = scene.shapes.polygons
     kind, records = _records(kind_name, scene, polygons, smooth=polygons.smooth, owner=owner)
     normals = _corner_normals(polygons)
     for corner, name in enumerate("abcd"[: corners.shape[1]]):
-        records[name] = _float32(polygons.points[corners[:, corner]])
+        records[name] = _float32(polygons.points[corners[:, corner]] - origin)
         records[f"normal_{name}"] = _float32(normals[corners[:, corner]])
     return Primitives(kind, records, _shape_numbers(scene, POLYGON)[owner])
 

@@ -21,6 +21,8 @@ from tasuki.scene.model import Scene, default_intensity
 from tasuki.scene.source import scene_error
 
 RECORDS = "tasuki.modules.records"
+FAR_AWAY = 16.0
+"""How many times its size a scene may be away from the origin before its coordinates count from its middle."""
 MOST_PRIMITIVES = 2**31 // MOST_KINDS
 """An index times 32, plus a kind, must fit an i32."""
 
@@ -30,10 +32,11 @@ class Packed:
     """A packed scene, ready to have more tables added to `builder`.
 
     `primitives` are those in memory, by kind: `primitives[k].shapes[i]` is the number in `scene.shapes` of the shape
-    from which primitive i of that kind came.
+    from which primitive i of that kind came. Coordinates in memory count from `origin`, (3,) float64.
     """
 
     scene: Scene
+    origin: np.ndarray
     primitives: tuple[Primitives, ...]
     builder: MemoryBuilder
 
@@ -63,14 +66,15 @@ def pack(scene: Scene) -> Packed:
         diagnostics = zip(described, found, strict=True)
         raise scene_error(Diagnostic(text, None, problem.expected, problem.found) for text, problem in diagnostics)
     scene = without_degenerate(scene)
-    primitives = tuple(lower(scene))
+    origin = local_origin(scene)
+    primitives = tuple(lower(scene, origin))
     builder = MemoryBuilder()
     for one in primitives:
         verify(one, scene)
         builder.add(one.kind.table_name, one.records)
     builder.add("attributes", _verified("material", _attributes(scene)))
-    builder.add("lights", _verified("light", _lights(scene)))
-    return Packed(scene, primitives, builder)
+    builder.add("lights", _verified("light", _lights(scene, origin)))
+    return Packed(scene, origin, primitives, builder)
 
 
 def _attributes(scene: Scene) -> np.ndarray:
@@ -89,11 +93,27 @@ def _attributes(scene: Scene) -> np.ndarray:
     return records
 
 
-def _lights(scene: Scene) -> np.ndarray:
+def local_origin(scene: Scene) -> np.ndarray:
+    """From where the coordinates in memory count: zero, or the middle of a scene that lies far away for its size.
+
+    float32 has 24 bits for a coordinate. Where those would tell the way to the scene rather than places in it, float64
+    takes the way off first. The size is that of the shapes and the camera's place.
+    """
+    if not len(scene.shapes):
+        return np.zeros(3)
+    spheres, cones, polygons = scene.shapes.spheres, scene.shapes.cones, scene.shapes.polygons
+    points = np.concatenate([[scene.camera.eye], spheres.centre, cones.base, cones.apex, polygons.points])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = max(float((high - low).max()), 2.0 * float(np.abs(spheres.radius).max(initial=0.0)))
+    middle = (low + high) / 2.0
+    return middle if np.abs(middle).max() > FAR_AWAY * size else np.zeros(3)
+
+
+def _lights(scene: Scene, origin: np.ndarray) -> np.ndarray:
     records = np.zeros(len(scene.lights), _dtype("Light"))
     grey = (default_intensity(len(scene.lights)),) * 3
     with np.errstate(over="ignore"):
-        records["position"] = np.array([light.position for light in scene.lights]).reshape(-1, 3)
+        records["position"] = np.array([light.position for light in scene.lights]).reshape(-1, 3) - origin
         colours = [grey if light.colour is None else light.colour for light in scene.lights]
         records["colour"] = np.array(colours).reshape(-1, 3)
     return records

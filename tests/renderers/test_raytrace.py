@@ -10,9 +10,10 @@ import pytest
 
 from tasuki.diagnostics import SceneError
 from tasuki.ir.interpret import interpret
+from tasuki.machines.cpu.machine import Items
 from tasuki.modules.light_paths import trace_tree
 from tasuki.modules.raytrace import trace_pixel
-from tasuki.programs import link_program
+from tasuki.programs import Options, executable, link_program
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.raytrace import RayTracer, pixel_places
 from tasuki.scene import Camera, Material, PointLight, Polygon, Scene, Sphere, load_scene
@@ -43,6 +44,21 @@ def test_the_interpreter_draws_the_same_picture(name, width):
     program = link_program(trace_pixel, tracer.prepared.fillers())
     places = pixel_places(options.region)
     interpret(program, [[places]], lanes=len(places), tables=tracer.prepared.tables(), width=width)
+    assert np.array_equal(tracer.pixels(), expected)
+    assert tracer.ray_counts() == counts
+
+
+@pytest.mark.parametrize("width", [1, 4, 8])
+@pytest.mark.parametrize("name", ["still_life.nff", "pavilion.yaml"])
+def test_packets_of_any_width_draw_the_same_picture(name, width):
+    options = RenderOptions(61, 47, depth=6)
+    tracer = RayTracer(load_scene(DATA / name), options)
+    expected = tracer.render().copy()
+    counts = tracer.ray_counts()
+    tracer.pixels()[:] = -1.0
+    program = executable(trace_pixel, Options(("items",), width=width), tracer.prepared.fillers())
+    places = pixel_places(options.region)
+    program.run([Items([places])], len(places), tables=tracer.prepared.tables(), threads=2)
     assert np.array_equal(tracer.pixels(), expected)
     assert tracer.ray_counts() == counts
 
@@ -100,3 +116,23 @@ def test_a_tree_deeper_than_its_stack_is_refused():
     with pytest.raises(SceneError, match="depth"):
         rendered(scene, depth=33)
     assert rendered(Scene(CAMERA, [RED], LIGHTS), depth=33).shape == (36, 48, 4)
+
+
+@pytest.mark.parametrize("far", [(1e3, -2e3, 0.0), (1e5, 0.0, 1e5), (-3e7, 1e7, 2e7)])
+def test_a_scene_far_away_looks_like_one_at_home(far):
+    def at(offset) -> Scene:
+        def moved(*point: float) -> tuple[float, ...]:
+            return tuple(np.add(point, offset).tolist())
+
+        camera = replace(CAMERA, eye=moved(*CAMERA.eye), at=moved(*CAMERA.at))
+        shapes = [
+            Polygon(tuple(moved(*point) for point in FLOOR.points), material=FLOOR.material),
+            Sphere(moved(*RED.centre), RED.radius, RED.material),
+            Sphere(moved(0.9, -0.5, 0.6), 0.6, Material(transmission=0.9, index=1.5, diffuse=0.05)),
+        ]
+        lights = tuple(PointLight(moved(*light.position)) for light in LIGHTS)
+        return Scene(camera, shapes, lights, background=(0.2, 0.3, 0.5))
+
+    home, away = rendered(at((0.0, 0.0, 0.0))), rendered(at(far))
+    # The offsets round the scene itself, in float64; pixels on edges may fall to either side.
+    assert (np.abs(home - away).max(axis=2) > 1e-2).mean() < 0.002
