@@ -30,11 +30,11 @@ def test_the_trace_of_the_normalisation_is_figure_5():
     lines = tasuki("run", NORMALIZE, "--trace").stdout.splitlines()
     steps = [line for line in lines if "figure_5" in line][:18]
     assert len(steps) == 18
-    assert re.search(r"mul r1,r1.*mul r1,r1.*mul r1,r1", steps[0])
+    assert re.search(r"mul R1,R1.*mul R1,R1.*mul R1,R1", steps[0])
     assert "add own,y" in steps[1]
     assert "add x,z" in steps[2]
-    assert all("mul r1,s" not in line for line in steps[:17])
-    assert re.search(r"mul r1,s.*mul r1,s.*mul r1,s.*x\.r2=.*y\.r2=.*z\.r2=", steps[17])
+    assert all("mul R1,s" not in line for line in steps[:17])
+    assert re.search(r"mul R1,s.*mul R1,s.*mul R1,s.*X\.R2=.*Y\.R2=.*Z\.R2=", steps[17])
 
 
 def test_run_writes_a_value_change_dump(tmp_path):

@@ -62,12 +62,12 @@ def test_the_trace_is_a_table_of_steps():
     trace = io.StringIO()
     simulate.run(code, state=norm_state(code), trace=trace)
     lines = [re.split(r"  +", line) for line in trace.getvalue().splitlines()]
-    squares = [f"mul r1,r1 = {number}" for number in (1, 4, 4)]
+    squares = [f"mul R1,R1 = {number}" for number in (1, 4, 4)]
     assert lines == [
         ["step", "address", "X", "Y", "Z", "S", "table", "buses", "memory", "writes", "sequencer"],
         ["1", "0 norm", *squares],
         ["2", "1 norm+1", "add own,y = 5", "y->x"],
-        ["3", "2 norm+2", "add x,z = 9", "x->s z->s", "s.r2=9"],
+        ["3", "2 norm+2", "add x,z = 9", "x->s z->s", "S.R2=9"],
         ["4", "3 norm+3", "sqrt s = 3.000305"],
         ["5", "4 norm+4", "write xs 3: 5 9"],
         ["6", "5 norm+5", "halt"],
@@ -120,7 +120,7 @@ def test_the_dump_is_well_formed_and_says_what_happened():
     assert list(times) == [0, 1, 2, 3, 4, 5, 6]
     assert set(times[0]) == {path for _, path in signals.values()}
     assert {"wire 32", "wire 1", "real 64"} < {kind for kind, _ in signals.values()}
-    assert value(int(times[0]["pu.fppy.r1"], 2)) == 2.0
+    assert value(int(times[0]["pu.fppy.R1"], 2)) == 2.0
     assert float(times[2]["pu.fppx.output_real"]) == 5.0
     assert value(int(times[3]["pu.fpps.output"], 2)) == 9.0
     assert "pu.fppz.output" not in times[2]

@@ -84,7 +84,8 @@ def test_traps(trapped: Trapped, kind: str, code: isa.Program, text: str):
 def test_traps_name_file_line_step_label_and_state(trapped: Trapped, tmp_path):
     source = tmp_path / "far.meta"
     source.write_text("start: alu.op=copy\n       mem.op=read  ; too far\n")
-    code = program({"alu.op": "copy", "alu.a": "lit", "lit": 7}, {"mem.op": "read", "mem.on": 15, **OUTSIDE})
+    seven = {"alu.op": "copy", "alu.a": "lit", "alu.w": "result", "alu.rd": 3, "lit": 7}
+    code = program(seven, {"mem.op": "read", "mem.on": 15, **OUTSIDE})
     spans = (Span(str(source), 1, 7), Span(str(source), 2, 7))
     trap = trapped(replace(code, spans=spans, labels={"start": 0}))
     text = str(trap)
@@ -94,6 +95,7 @@ def test_traps_name_file_line_step_label_and_state(trapped: Trapped, tmp_path):
     assert "note: at step 2, address 1 (start+1)" in text
     assert "control came from address 0 (start)" in text
     assert "alu   output 00000007" in text
+    assert "registers (hexadecimal; the others are 0): I3=7" in text
     assert trap.span == spans[1]
 
 

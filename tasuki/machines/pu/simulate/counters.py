@@ -90,7 +90,7 @@ def _first_names(labels: Mapping[str, int]) -> dict[int, str]:
 
 
 def report(counters: Counters, labels: Mapping[str, Counters]) -> str:
-    """The counters as text for a terminal: totals, then a line for each label."""
+    """The counters as text for a terminal: totals, then a line for each label ("-" for what stands before the first)."""
     lines = [
         f"steps          {counters.steps:>14,}",
         f"memory rows    {counters.rows_read:>14,} read  {counters.rows_written:>14,} written",
@@ -103,5 +103,5 @@ def report(counters: Counters, labels: Mapping[str, Counters]) -> str:
     lines.append("  ".join([f"{'label':<{width}}", f"{'steps':>14}", *(f"{unit:>6}" for unit in UNITS)]) + "   busy, %")
     for name, part in [*labels.items(), ("all", counters)]:
         shares = [f"{100 * part.busy_share(unit):6.1f}" for unit in UNITS]
-        lines.append("  ".join([f"{name:<{width}}", f"{part.steps:>14,}", *shares]))
+        lines.append("  ".join([f"{name or '-':<{width}}", f"{part.steps:>14,}", *shares]))
     return "\n".join(lines)

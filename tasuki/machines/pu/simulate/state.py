@@ -107,6 +107,13 @@ def _put_array(rows: Rows, content: npt.NDArray) -> None:
     rows[: len(content)] = np.ascontiguousarray(content).view(np.uint32)
 
 
+def register_name(file: str, number: int) -> str:
+    """As the assemblers name it, with the bank where there are several: X.R3, I0, BR5."""
+    if file in FPP:
+        return f"{file.upper()}.R{number}"
+    return f"I{number}" if file == "alu" else f"{file.upper()}{number}"
+
+
 def as_float(word: int) -> np.float32:
     """The word as a binary32 number."""
     return np.uint32(word).view(np.float32)

@@ -12,7 +12,7 @@ from tasuki.machines.pu import isa
 from tasuki.machines.pu.simulate.arithmetic import signed
 from tasuki.machines.pu.simulate.instruction import FPP, Instruction
 from tasuki.machines.pu.simulate.plain import Step
-from tasuki.machines.pu.simulate.state import State, as_float
+from tasuki.machines.pu.simulate.state import State, as_float, register_name
 from tasuki.machines.pu.simulate.traps import label_of
 
 PAGE = 500
@@ -59,7 +59,7 @@ def _cells(step: Step, state: State, program: isa.Program) -> dict[str, str]:
         "ALU": _operation(step, "alu"),
         "buses": " ".join(f"{driver}->{listener}" for driver, listener in isa.transfers(one.number)),
         "memory": _memory(step, state),
-        "writes": " ".join(f"{_register(*key)}={_shown(key[0], word)}" for key, word in step.written.items()),
+        "writes": " ".join(f"{register_name(*key)}={_shown(key[0], word)}" for key, word in step.written.items()),
         "sequencer": _sequencer(one, program),
     }
     return cells | {unit.upper(): _operation(step, unit) for unit in FPP}
@@ -70,24 +70,19 @@ def _shown(unit: str, word: int) -> str:
     return f"{as_float(word):.7g}" if unit in _FLOATS else str(signed(word))
 
 
-def _register(file: str, number: int) -> str:
-    """A register's name: x.r3, alu.r0, br5."""
-    return f"{file}{number}" if file in ("br", "ir", "ar") else f"{file}.r{number}"
-
-
 def _source(one: Instruction, unit: str, operand: str) -> str:
     source = one.name[f"{unit}.{operand}"]
     if source == "reg":
-        return f"r{one.number[f'{unit}.r{operand}']}"
+        return register_name(unit, one.number[f"{unit}.r{operand}"]).removeprefix(f"{unit.upper()}.")
     if source == "port":
-        return f"s.r{one.number['s.ra']}"
+        return register_name("s", one.number["s.ra"])
     if source == "lit":
         return _shown(unit, one.number["lit"])
-    return f"{source}{one.number[f'ag.{source}']}" if source in ("br", "ir", "ar") else source
+    return register_name(source, one.number[f"ag.{source}"]) if source in ("br", "ir", "ar") else source
 
 
 def _operation(step: Step, unit: str) -> str:
-    """What an FPP or the ALU did: "mul r1,r1 = 9", "cmp r1,r2: lt"."""
+    """What an FPP or the ALU did: "mul R1,R1 = 9", "cmp R1,R2: lt"."""
     one = step.instruction
     operation = isa.DEFAULT.by_name[f"{unit}.op"].by_code[one.number[f"{unit}.op"]]
     if operation.name == "nop":
@@ -102,7 +97,7 @@ def _table(step: Step) -> str:
     one = step.instruction
     if one.name["tab.op"] == "none":
         return ""
-    source = f"s.r{one.number['s.ra']}" if one.name["tab.in"] == "port" else one.name["tab.in"]
+    source = register_name("s", one.number["s.ra"]) if one.name["tab.in"] == "port" else one.name["tab.in"]
     return f"{one.name['tab.op']} {source} = {_shown('table', step.results['table'])}"
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 
 from tasuki.diagnostics import Diagnostic, MachineError, Note, Span
 from tasuki.machines.pu import isa
-from tasuki.machines.pu.simulate.state import State, shown
+from tasuki.machines.pu.simulate.state import State, register_name, shown
 
 
 class Trap(MachineError):
@@ -65,9 +66,20 @@ def described(state: State) -> str:
         lines.append(f"    {unit:5} output {shown(word)}" + (f"  flags {flags}" if flags else ""))
     latches = "  ".join(f"{bank} {shown(word)}" for bank, word in state.latch.items())
     lines.append(f"    latches {latches}")
-    for file, registers in state.registers.items():
-        written = [f"{number}={word:x}" for number, word in enumerate(registers) if word]
-        if written:
-            lines.append(f"    {file:5} registers (hexadecimal, others are 0) {' '.join(written)}")
+    lines += _registers(state)
     lines.append(f"    row {state.row}  call stack {state.call_stack}  loop stack {state.loop_stack}")
     return "\n".join(lines)
+
+
+def _registers(state: State) -> list[str]:
+    """The registers that are not 0, in hexadecimal."""
+    words = [
+        f"{register_name(file, number)}={word:x}"
+        for file, registers in state.registers.items()
+        for number, word in enumerate(registers)
+        if word
+    ]
+    if not words:
+        return ["    registers: all are 0"]
+    text = f"registers (hexadecimal; the others are 0): {' '.join(words)}"
+    return textwrap.wrap(text, 116, initial_indent="    ", subsequent_indent="      ")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from tasuki.machines.pu.simulate.instruction import BANKS, FPP
-from tasuki.machines.pu.simulate.state import State, as_float
+from tasuki.machines.pu.simulate.state import State, as_float, register_name
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ def _samples(state: State) -> Iterator[tuple[Signal, int]]:
     for unit in FPP:
         yield from _both(f"fpp{unit}", "output", state.output[unit])
         yield from ((Signal(f"fpp{unit}", flag, 1), int(value)) for flag, value in state.flags[unit].items())
-        yield from _file(f"fpp{unit}", "r", state.registers[unit])
+        yield from _file(f"fpp{unit}", unit, state.registers[unit])
     yield from _both("table", "output", state.output["table"])
     yield Signal("table", "special", 1), int(state.special)
     yield Signal("alu", "output", 32), state.output["alu"]
     yield from ((Signal("alu", flag, 1), int(value)) for flag, value in state.flags["alu"].items())
-    yield from _file("alu", "r", state.registers["alu"])
+    yield from _file("alu", "alu", state.registers["alu"])
     for bank in BANKS:
         yield from _both("memory", f"latch_{bank}", state.latch[bank])
     yield Signal("address_generator", "row", 32), state.row
@@ -52,8 +52,9 @@ def _both(scope: str, name: str, word: int) -> Iterator[tuple[Signal, int]]:
     yield Signal(scope, f"{name}_real", 0), word
 
 
-def _file(scope: str, name: str, registers: list[int]) -> Iterator[tuple[Signal, int]]:
-    return ((Signal(scope, f"{name}{number}", 32), word) for number, word in enumerate(registers))
+def _file(scope: str, file: str, registers: list[int]) -> Iterator[tuple[Signal, int]]:
+    for number, word in enumerate(registers):
+        yield Signal(scope, register_name(file, number).rpartition(".")[2], 32), word
 
 
 def _identifier(number: int) -> str:
