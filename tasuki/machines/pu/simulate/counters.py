@@ -90,7 +90,7 @@ def _first_names(labels: Mapping[str, int]) -> dict[int, str]:
 
 
 def report(counters: Counters, labels: Mapping[str, Counters]) -> str:
-    """The counters as text for a terminal: totals, then a line for each label ("-" for what stands before the first)."""
+    """The counters as text for a terminal: totals, then a line for each label; "-" is what stands before the first."""
     lines = [
         f"steps          {counters.steps:>14,}",
         f"memory rows    {counters.rows_read:>14,} read  {counters.rows_written:>14,} written",
