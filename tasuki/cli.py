@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tasuki.diagnostics import TasukiError
+from tasuki.diagnostics import Diagnostic, OutputError, TasukiError
 from tasuki.version import __version__
 
 WRONG = 2
@@ -164,7 +164,8 @@ def render(
 
         out = check_writable(output or Path(f"{scene.stem}.png"))
         if stats:
-            check_writable(stats, suffixes=())
+            if check_writable(stats, suffixes=()).resolve() == out.resolve():
+                raise OutputError(str(Diagnostic("the report would overwrite the picture", found=str(stats))))
         _load_files(with_files)
         _render(scene, out, stats, arguments, quiet)
 

@@ -10,6 +10,7 @@ import linecache
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class VerifyError(TasukiError):
 
 def _draw(span: Span, source: str | None) -> list[str]:
     """The source line of `span` with carets under it, or nothing where the text is not to be had."""
-    lines = source.splitlines() if source is not None else linecache.getlines(span.file)
+    lines = _lines(source) if source is not None else linecache.getlines(span.file)
     line = lines[span.line - 1 : span.line]
     if not line or not line[0].strip():
         return []
@@ -112,6 +113,12 @@ def _draw(span: Span, source: str | None) -> list[str]:
     gutter = f"{span.line:5} | "
     pad = " " * _width(text[: span.column])
     return [gutter + text, " " * (len(gutter) - 2) + "| " + pad + "^" * max(1, _width(text[span.column : end]))]
+
+
+@lru_cache(maxsize=4)
+def _lines(source: str) -> list[str]:
+    """The lines of a text; many diagnostics are about one."""
+    return source.splitlines()
 
 
 def _width(text: str) -> int:

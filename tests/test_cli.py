@@ -114,6 +114,13 @@ def test_the_size_is_by_default_what_the_scene_says(folder: Path):
     assert Image.open("out.png").size == (16, 16)
 
 
+def test_the_report_does_not_overwrite_the_picture(folder: Path):
+    result = tasuki("render", "scene.nff", "-o", "one.png", "--stats", "one.png")
+    assert result.exit_code == 2
+    assert "would overwrite the picture" in result.stderr
+    assert not (folder / "one.png").exists()
+
+
 def test_stats(folder: Path):
     assert tasuki("render", "scene.nff", "--stats", "stats.json", "--threads", 2).exit_code == 0
     stats = json.loads((folder / "stats.json").read_text())

@@ -21,6 +21,7 @@ from tasuki.scene.model import Scene, default_intensity
 from tasuki.scene.source import scene_error
 
 RECORDS = "tasuki.modules.records"
+LEAST_SIZE, MOST_SIZE = 1e-12, 1e12
 FAR_AWAY = 16.0
 """How many times its size a scene may be away from the origin before its coordinates count from its middle."""
 MOST_PRIMITIVES = 2**31 // MOST_KINDS
@@ -72,6 +73,7 @@ def pack(scene: Scene) -> Packed:
     for one in primitives:
         verify(one, scene)
         builder.add(one.kind.table_name, one.records)
+    _verify_size(scene)
     builder.add("attributes", _verified("material", _attributes(scene)))
     builder.add("lights", _verified("light", _lights(scene, origin)))
     return Packed(scene, origin, primitives, builder)
@@ -97,16 +99,29 @@ def local_origin(scene: Scene) -> np.ndarray:
     """From where the coordinates in memory count: zero, or the middle of a scene that lies far away for its size.
 
     float32 has 24 bits for a coordinate. Where those would tell the way to the scene rather than places in it, float64
-    takes the way off first. The size is that of the shapes and the camera's place.
+    takes the way off first.
     """
+    middle, size = _middle_and_size(scene)
+    return middle if np.abs(middle).max() > FAR_AWAY * size else np.zeros(3)
+
+
+def _middle_and_size(scene: Scene) -> tuple[np.ndarray, float]:
+    """Of the box around the shapes and the camera's place; zero for no shapes."""
     if not len(scene.shapes):
-        return np.zeros(3)
+        return np.zeros(3), 0.0
     spheres, cones, polygons = scene.shapes.spheres, scene.shapes.cones, scene.shapes.polygons
     points = np.concatenate([[scene.camera.eye], spheres.centre, cones.base, cones.apex, polygons.points])
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float((high - low).max()), 2.0 * float(np.abs(spheres.radius).max(initial=0.0)))
-    middle = (low + high) / 2.0
-    return middle if np.abs(middle).max() > FAR_AWAY * size else np.zeros(3)
+    return (low + high) / 2.0, size
+
+
+def _verify_size(scene: Scene) -> None:
+    """SceneError where the scene is so large or small that products of three lengths leave float32."""
+    _, size = _middle_and_size(scene)
+    if len(scene.shapes) and not LEAST_SIZE <= size <= MOST_SIZE:
+        expected = f"a size of {LEAST_SIZE:g} to {MOST_SIZE:g}"
+        raise SceneError(str(Diagnostic("the scene's size is out of range", None, expected, f"{size:g}")))
 
 
 def _lights(scene: Scene, origin: np.ndarray) -> np.ndarray:

@@ -218,6 +218,7 @@ def test_a_scene_of_nothing_packs():
     [
         (Sphere((0.0, 0.0, 0.0), 1e30), "shape 0 cannot be packed as a quadric"),
         (Cone((0.0, 0.0, 1e39), 1.0, (0.0, 0.0, 0.0), 1.0), "shape 0 cannot be packed as a cone"),
+        (Cone((0.0, 0.0, 1e15), 1.0, (0.0, 0.0, 0.0), 1.0), "the scene's size is out of range"),
         (Sphere((math.nan, 0.0, 0.0), 1.0), r"shapes\[0\]: not all of its numbers are finite"),
         (Sphere((0.0, 0.0, 0.0), 0.0), r"shapes\[0\].radius: this sphere has no size"),
         (Sphere((0.0, 0.0, 0.0), 1.0, Material(index=0.0)), r"materials\[0\].index: no such refractive index"),
