@@ -163,9 +163,8 @@ def render(
         from tasuki.renderers.files import check_writable
 
         out = check_writable(output or Path(f"{scene.stem}.png"))
-        if stats:
-            if check_writable(stats, suffixes=()).resolve() == out.resolve():
-                raise OutputError(str(Diagnostic("the report would overwrite the picture", found=str(stats))))
+        if stats and check_writable(stats, suffixes=()).resolve() == out.resolve():
+            raise OutputError(str(Diagnostic("the report would overwrite the picture", found=str(stats))))
         _load_files(with_files)
         _render(scene, out, stats, arguments, quiet)
 
