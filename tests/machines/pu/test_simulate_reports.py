@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import random
 import re
 
 import pytest
 
 from tasuki.machines.pu import isa, simulate
-from tests.machines.pu.simulating import HALT, Fields, program, value, word
+from tasuki.machines.pu.simulate.vcd import VcdWriter
+from tests.machines.pu.simulating import HALT, Fields, program, random_state, value, word
 
 SQUARES: Fields = {f"{unit}.{field}": what for unit in "xyz" for field, what in (("op", "mul"), ("ra", 1), ("rb", 1))}
 NORM: list[Fields] = [
@@ -127,6 +129,61 @@ def test_the_dump_is_well_formed_and_says_what_happened():
     assert int(times[5]["pu.address_generator.row"], 2) == 3
     assert times[6]["pu.sequencer.halted"] == "1"
     assert [int(times[step]["pu.sequencer.address"], 2) for step in range(6)] == list(range(6))
+
+
+def test_a_dump_replayed_gives_every_state():
+    rng = random.Random(5)
+    # Sums and differences that come and go, in a loop.
+    steps: list[Fields] = [
+        {"seq.op": "count", "lit": 12},
+        {
+            "x.op": "sub",
+            "x.a": "own",
+            "x.b": "reg",
+            "x.rb": 3,
+            "x.w": "own",
+            "x.rd": 3,
+            "alu.op": "xor",
+            "alu.a": "own",
+        },
+        {
+            "s.op": "mul",
+            "s.a": "x",
+            "s.b": "reg",
+            "ag.mode": "linear",
+            "ag.update": "raster",
+            "mem.op": "read",
+            "mem.on": 15,
+        },
+        {"x.op": "cmp", "x.a": "own", "x.b": "s", "alu.op": "test", "seq.cond": "x.lt", "tab.op": "rcp", "tab.in": "s"},
+        {"y.op": "pick", "seq.cond": "special", "alu.w": "result", "seq.op": "loop", "seq.to": 1},
+    ]
+    code = program(*steps, HALT, memory_rows=64)
+    simulator = simulate.Plain(code, random_state(rng, code))
+    simulator.state.loop_stack.clear()
+    dump = io.StringIO()
+    writer = VcdWriter(dump)
+    writer.sample(simulator.state)
+    states = [simulator.state.copy()]
+    while not simulator.state.halted:
+        simulator.step()
+        writer.sample(simulator.state)
+        states.append(simulator.state.copy())
+    shown: dict[str, str] = {}
+    for state, changes in zip(states, parse_vcd(dump.getvalue())[1].values(), strict=True):
+        shown |= changes
+        for unit in isa.FPPS:
+            scope = f"pu.fpp{unit}"
+            assert int(shown[f"{scope}.output"], 2) == state.output[unit]
+            assert [int(shown[f"{scope}.R{i}"], 2) for i in range(64)] == state.registers[unit]
+            assert {flag: shown[f"{scope}.{flag}"] == "1" for flag in ("lt", "eq", "un")} == state.flags[unit]
+            assert int(shown[f"pu.memory.latch_{unit}"], 2) == state.latch[unit]
+        assert int(shown["pu.alu.output"], 2) == state.output["alu"]
+        assert (shown["pu.table.special"] == "1", int(shown["pu.address_generator.row"], 2)) == (
+            state.special,
+            state.row,
+        )
+        assert int(shown["pu.sequencer.loop_count"], 2) == (state.loop_stack or [0])[-1]
 
 
 def test_infinities_and_nan_are_reals_too():
