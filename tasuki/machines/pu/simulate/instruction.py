@@ -13,6 +13,11 @@ BANKS = "xyzs"
 FILES = tuple(isa.DEFAULT.register_counts)
 """Register files: x, y, z, s, alu, br, ir, ar."""
 
+SELECT_FLAGS = {"sellt": ("lt",), "selle": ("lt", "eq"), "seleq": ("eq",)}
+"""Operations of an FPP that choose by its flags: a where one of these is set."""
+CONDITION_FLAGS = {"le": ("lt", "eq"), "ule": ("ult", "eq")}
+"""Conditions that are not a flag: they hold where one of these is set."""
+
 
 @dataclass(frozen=True)
 class Instruction:

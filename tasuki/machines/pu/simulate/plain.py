@@ -19,12 +19,10 @@ from dataclasses import dataclass
 
 from tasuki.machines.pu import isa
 from tasuki.machines.pu.simulate.arithmetic import FLOAT, INTEGER, WORD, float_flags, integer_flags
-from tasuki.machines.pu.simulate.instruction import BANKS, FPP, Instruction, instruction
+from tasuki.machines.pu.simulate.instruction import BANKS, CONDITION_FLAGS, FPP, SELECT_FLAGS, Instruction, instruction
 from tasuki.machines.pu.simulate.state import State, start
 from tasuki.machines.pu.simulate.traps import Trap
 
-_SELECT_FLAGS = {"sellt": ("lt",), "selle": ("lt", "eq"), "seleq": ("eq",)}
-_TESTS = {"le": ("lt", "eq"), "ule": ("ult", "eq")}
 _LATCHES = ("memx", "memy", "memz", "mems")
 
 
@@ -148,7 +146,7 @@ class Plain:
             return bool(state.loop_stack) and state.loop_stack[-1] > 1
         unit, test = name.split(".")
         flags = state.flags[unit]
-        return any(flags[each] for each in _TESTS.get(test, (test,)))
+        return any(flags[each] for each in CONDITION_FLAGS.get(test, (test,)))
 
     def _source(self, one: Instruction, unit: str, operand: str) -> int:
         """The word that a selector delivers: operand "a" or "b" of an FPP or of the ALU."""
@@ -207,8 +205,8 @@ class Plain:
         return results, flags
 
     def _float(self, unit: str, operation: str, a: int, b: int) -> int:
-        if operation in _SELECT_FLAGS:
-            chosen = any(self.state.flags[unit][flag] for flag in _SELECT_FLAGS[operation])
+        if operation in SELECT_FLAGS:
+            chosen = any(self.state.flags[unit][flag] for flag in SELECT_FLAGS[operation])
             return a if chosen else b
         if operation in ("addg", "subg"):
             return a if self.state.special else FLOAT[operation[:3]](a, b)

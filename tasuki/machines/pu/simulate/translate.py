@@ -21,14 +21,12 @@ from tasuki.machines.pu import isa
 from tasuki.machines.pu.simulate import operations
 from tasuki.machines.pu.simulate.blocks import Block, blocks
 from tasuki.machines.pu.simulate.emit import TRUE, Emitter, Value, constant
-from tasuki.machines.pu.simulate.instruction import BANKS, FPP, Instruction
+from tasuki.machines.pu.simulate.instruction import BANKS, CONDITION_FLAGS, FPP, SELECT_FLAGS, Instruction
 from tasuki.machines.pu.simulate.layout import CALL_STACK, LOOP_STACK, SLOTS, register_slot
 from tasuki.machines.pu.simulate.native_tables import table_functions
 
 BUDGET, PART_START, PART_STEPS = range(3)
 CONTROL_WORDS = 3
-_SELECT_FLAGS = {"sellt": ("lt",), "selle": ("lt", "eq"), "seleq": ("eq",)}
-_TESTS = {"le": ("lt", "eq"), "ule": ("ult", "eq")}
 
 
 def translate(program: isa.Program) -> str:
@@ -201,7 +199,7 @@ class _Step:
             above = operations.integer_test(e, "ugt", self.loop_top()[1], 1)
             return e.value("i1", f"and {some}, {above.text}")
         unit, test = name.split(".")
-        flags = [e.read(f"{unit}.{each}") for each in _TESTS.get(test, (test,))]
+        flags = [e.read(f"{unit}.{each}") for each in CONDITION_FLAGS.get(test, (test,))]
         return flags[0] if len(flags) == 1 else e.either(*flags)
 
     def source(self, unit: str, operand: str) -> Value:
@@ -296,8 +294,8 @@ class _Step:
             return e.value("i32", f"zext {condition} to i32")
         if unit == "alu":
             return operations.INTEGER[operation](e, a, b)
-        if operation in _SELECT_FLAGS:
-            flags = [e.read(f"{unit}.{flag}") for flag in _SELECT_FLAGS[operation]]
+        if operation in SELECT_FLAGS:
+            flags = [e.read(f"{unit}.{flag}") for flag in SELECT_FLAGS[operation]]
             chosen = flags[0] if len(flags) == 1 else e.either(*flags)
             return e.select(chosen, e.floating(a), e.floating(b))
         if operation in ("addg", "subg"):
