@@ -1,14 +1,18 @@
 """Table 1 of the paper, from running microcode: published steps, the steps that the simulator took, measured errors.
 
 Every row's macro is put into a loop over many operands in data memory; the simulator counts its steps under a label of
-its own, and what the loop stores is compared with float64. No cost stands in this file.
+its own, and what the loop stores is compared with float64. No cost stands in this file: the published steps are there
+only to stand beside ours. ``python -m tasuki.machines.pu.table1 docs/table-1.md`` renews the page's table.
 """
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -368,3 +372,32 @@ def table(
         shorter = [measure(one, values=values, machine=machine, whole=whole) for one in shorter_rows(row)]
         made.append({**measure(row, values=values, machine=machine, whole=whole), "shorter": shorter})
     return made
+
+
+# --- the page ---------------------------------------------------------------------------------------------------------
+
+_SECTION = re.compile(r"(<!-- generated: table 1 -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def markdown(rows: Sequence[dict[str, Any]]) -> str:
+    """`table` as a table of docs/table-1.md; shorter macros stand below the row that they belong to."""
+    lines = ["operation | macro | published | ours | greatest error | values", "--- | --- | --: | --: | --- | --:"]
+    for row in rows:
+        for one in (row, *row["shorter"]):
+            first = one is row
+            published = ("damaged" if one["published"] is None else str(one["published"])) if first else ""
+            value, unit = one["error"]["value"], one["error"]["unit"]
+            error = f"{value:.2g} {unit}" if unit == "absolute" else f"{value:.2f} {unit}"
+            name = row["operation"] if first else "- shorter"
+            lines.append(f"{name} | `{one['macro']}` | {published} | {one['steps']} | {error} | {one['values']:,}")
+    return "".join(f"| {line} |\n" for line in lines)
+
+
+def renewed(page: str, rows: Sequence[dict[str, Any]]) -> str:
+    """The page with its table made anew."""
+    return _SECTION.sub(lambda found: f"{found[1]}{markdown(rows)}{found[2]}", page)
+
+
+if __name__ == "__main__":
+    for file in map(Path, sys.argv[1:]):
+        file.write_text(renewed(file.read_text(), table()))

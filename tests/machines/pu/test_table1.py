@@ -1,6 +1,7 @@
 """Table 1: the steps and the errors that are promised, and that no microinstruction is idle."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from tasuki.machines.pu import simulate, table1
 from tasuki.machines.pu.macro import assemble
 
+PAGE = Path(__file__).parents[3] / "docs" / "table-1.md"
 ROWS = [one for row in table1.ROWS for one in (row, *table1.shorter_rows(row))]
 NAMES = [row.macro for row in ROWS]
 
@@ -178,3 +180,26 @@ def test_normalising_the_zero_vector_gives_nan():
 
 def test_every_shorter_macro_says_what_it_gives_up():
     assert all(one.note for row in table1.ROWS for one in table1.shorter_rows(row))
+
+
+# --- docs/table-1.md --------------------------------------------------------------------------------------------------
+
+
+def cells(page: str) -> list[list[str]]:
+    section = page.split("<!-- generated: table 1 -->\n", 1)[1].split("<!-- end -->", 1)[0]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines()]
+
+
+def test_the_page_shows_the_table(measured):
+    """Steps exactly; errors within 5 %, because float64 functions differ a little between platforms."""
+    rows = []
+    for row in table1.ROWS:
+        rows.append({**measured[row.macro], "shorter": [measured[macro] for macro in row.shorter]})
+    page = PAGE.read_text()
+    found, expected = cells(page), cells(table1.renewed(page, rows))
+    hint = "run: python -m tasuki.machines.pu.table1 docs/table-1.md"
+    assert [[*line[:4], line[5]] for line in found] == [[*line[:4], line[5]] for line in expected], hint
+    for mine, theirs in zip(found[2:], expected[2:], strict=True):
+        (value, unit), (right, right_unit) = mine[4].split(" ", 1), theirs[4].split(" ", 1)
+        assert unit == right_unit
+        assert float(value) == pytest.approx(float(right), rel=0.05), hint

@@ -6,6 +6,7 @@ expansion: they become `name__1`, `name__2`, ...; labels that are arguments keep
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -22,6 +23,8 @@ MAX_NESTING = 64
 """Macros that call macros."""
 MAX_CALLS = 200_000
 """Calls that one program may expand to: many times what fills program memory."""
+_BANKS = re.compile("[xyzs]{1,4}")
+"""Banks by their letters, as a mask."""
 
 
 @dataclass(frozen=True)
@@ -260,6 +263,8 @@ class Expansion:
         if not tokens:
             raise ValueFault(f"{head.text} has no value", [head], f"{head.text}=value")
         if len(tokens) == 1 and tokens[0].text in one.codes and tokens[0].text not in scope.parameters:
+            return tokens[0].text
+        if one.kind == "mask" and len(tokens) == 1 and _BANKS.fullmatch(tokens[0].text):
             return tokens[0].text
         try:
             value = self._operand(tokens, scope)

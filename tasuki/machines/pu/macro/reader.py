@@ -65,6 +65,7 @@ class _Open:
     record: str = ""
     fields: dict[str, tuple[int, int]] = field(default_factory=dict)
     rows: int = 0
+    labels: dict[str, Token] = field(default_factory=dict)
 
 
 def split(tokens: list[Token]) -> list[list[Token]]:
@@ -215,9 +216,10 @@ class Reader:
     def _label(self, name: Token) -> None:
         macro = self._open.macro if self._open else None
         if macro:
-            earlier = [one.tokens[0] for one in macro.body if one.sort == "label" and one.tokens[0].text == name.text]
-            if earlier:
-                self._twice(name, earlier[0])
+            assert self._open
+            earlier = self._open.labels.setdefault(name.text, name)
+            if earlier is not name:
+                self._twice(name, earlier)
             elif any(parameter.text == name.text for parameter, _ in macro.parameters):
                 self.errors.add(f"'{name.text}' is a parameter", name, hint="choose another name")
             else:
