@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from tasuki.diagnostics import SourceError
 from tasuki.machines.pu import macro, meta, simulate
 from tasuki.machines.pu.isa import DEFAULT, mnemonics
+from tasuki.machines.pu.macro.reader import Reader
+from tasuki.machines.pu.meta.source import Errors
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples" / "pu").glob("*.macro"))
 LIBRARY = sorted(macro.LIBRARY.glob("*.macro"))
@@ -243,9 +245,6 @@ def test_select_takes_the_first_where_the_condition_holds():
 
 def test_every_macro_of_the_library_has_an_operand_that_it_takes():
     """Each macro, called with plain operands of its kinds, assembles."""
-    from tasuki.machines.pu.macro.reader import Reader
-    from tasuki.machines.pu.meta.source import Errors
-
     reader = Reader(Errors())
     reader.read_library(LIBRARY)
     sample = {"s": "s", "x": "x", "y": "y", "z": "z", "v": "v", "i": "i"}
