@@ -105,7 +105,8 @@ def _draw(span: Span, source: str | None) -> list[str]:
     """The source line of `span` with carets under it, or nothing where the text is not to be had."""
     lines = _lines(source) if source is not None else linecache.getlines(span.file)
     line = lines[span.line - 1 : span.line]
-    if not line or not line[0].strip():
+    # A line of odd spaces alone, such as a no-break space, is not blank: it can be what is wrong.
+    if not line or not line[0].strip(" \t\r\n"):
         return []
     text = line[0].rstrip("\n").replace("\t", " ")
     end = span.end_column if span.end_line in (0, span.line) else len(text)
