@@ -28,13 +28,12 @@ TRUE = Value("i1", "true")
 class Emitter:
     """Collects the lines of one function.
 
-    Every slot of the state that the function touches has a pointer of its name. Within a block `current` holds the
-    values that were read or written, and `changed` names those that have not been stored yet.
+    Within a block `current` holds the values of slots of the state that were read or written, and `changed` names those
+    that have not been stored yet.
     """
 
     def __init__(self) -> None:
         self.lines: list[str] = []
-        self.touched: dict[str, None] = {}
         self.current: dict[str, Value] = {}
         self.changed: dict[str, None] = {}
         self._converted: dict[tuple[str, Value], Value] = {}
@@ -92,15 +91,13 @@ class Emitter:
         """What a slot holds now."""
         found = self.current.get(slot)
         if found is None:
-            self.touched[slot] = None
             type_ = SLOTS[slot].type
-            found = self.value(type_, f'load {type_}, ptr %"{slot}"')
+            found = self.value(type_, f"load {type_}, {self.place(slot)}")
             self.current[slot] = found
         return found
 
     def write(self, slot: str, value: Value) -> None:
         """A slot takes a value; `flush` stores it."""
-        self.touched[slot] = None
         type_ = SLOTS[slot].type
         self.current[slot] = value if type_ == "i1" else self.converted(value, type_)
         self.changed[slot] = None
@@ -108,4 +105,12 @@ class Emitter:
     def flush(self) -> None:
         """Store what has changed; afterwards the block must end."""
         for slot in self.changed:
-            self.line(f'store {self.current[slot]}, ptr %"{slot}"')
+            self.store(slot, self.current[slot])
+
+    def place(self, slot: str) -> Value:
+        """Where a slot stands in memory. (One pointer for the whole function would make LLVM slow.)"""
+        return self.value("ptr", f"getelementptr i32, ptr %state, i32 {SLOTS[slot].place}")
+
+    def store(self, slot: str, value: Value) -> None:
+        """Store into a slot at once."""
+        self.line(f"store {value}, {self.place(slot)}")

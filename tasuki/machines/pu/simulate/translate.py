@@ -22,7 +22,7 @@ from tasuki.machines.pu.simulate import operations
 from tasuki.machines.pu.simulate.blocks import Block, blocks
 from tasuki.machines.pu.simulate.emit import TRUE, Emitter, Value, constant
 from tasuki.machines.pu.simulate.instruction import BANKS, CONDITION_FLAGS, FPP, SELECT_FLAGS, Instruction
-from tasuki.machines.pu.simulate.layout import CALL_STACK, LOOP_STACK, SLOTS, register_slot
+from tasuki.machines.pu.simulate.layout import CALL_STACK, LOOP_STACK, register_slot
 from tasuki.machines.pu.simulate.native_tables import table_functions
 
 BUDGET, PART_START, PART_STEPS = range(3)
@@ -45,11 +45,11 @@ class _Translator:
         self.labels = 0
 
     def text(self) -> str:
-        for slot in ("address", "came_from", "halted"):
-            self.e.touched[slot] = None
+        self.e.block("entry")
+        self.e.line("br label %dispatch")
+        self.dispatch()
         for index, block in enumerate(self.blocks):
             self.block(index, block)
-        self.dispatch()
         for address in self.outside:
             self.e.block(f"outside{address}")
             self.stop_at(address)
@@ -57,17 +57,9 @@ class _Translator:
         head = "define void @run(ptr noalias %state, ptr noalias %memory, ptr noalias %display, "
         head += "ptr noalias %control, ptr noalias %executions) {"
         tables = table_functions() if self.uses_tables else ""
-        return "\n".join([operations.DECLARATIONS, tables, head, *self.entry(), *self.e.lines, "}", ""])
+        return "\n".join([operations.DECLARATIONS, tables, head, *self.e.lines, "}", ""])
 
     # --- the frame of the function ------------------------------------------------------------------------------------
-
-    def entry(self) -> list[str]:
-        """Where every slot that the function touches stands."""
-        lines = ["entry:", "  %budget = alloca i64"]
-        lines += ["  %budget.first = load i64, ptr %control", "  store i64 %budget.first, ptr %budget"]
-        for slot in self.e.touched:
-            lines.append(f'  %"{slot}" = getelementptr i32, ptr %state, i32 {SLOTS[slot].place}')
-        return [*lines, "  br label %dispatch"]
 
     def dispatch(self) -> None:
         """To the block that begins at the address of a return or of a jump to the ALU's output."""
@@ -79,7 +71,6 @@ class _Translator:
     def leave(self) -> None:
         """Back to the host."""
         self.e.block("leave")
-        self.e.line(f"store {self.e.value('i64', 'load i64, ptr %budget')}, ptr %control")
         self.e.line("ret void")
 
     def label(self, name: str) -> str:
@@ -88,7 +79,7 @@ class _Translator:
 
     def stop_at(self, address: int) -> None:
         """Return to the host; `address` is next."""
-        self.e.line(f'store i32 {address}, ptr %"address"')
+        self.e.store("address", constant(address))
         self.e.line("br label %leave")
 
     def target(self, address: int) -> str:
@@ -99,15 +90,15 @@ class _Translator:
         return f"outside{address}"
 
     def spend(self, steps: int) -> None:
-        left = self.e.value("i64", "load i64, ptr %budget")
-        self.e.line(f"store {self.e.value('i64', f'sub {left}, {steps}')}, ptr %budget")
+        left = self.e.value("i64", "load i64, ptr %control")
+        self.e.line(f"store {self.e.value('i64', f'sub {left}, {steps}')}, ptr %control")
 
     # --- a block ------------------------------------------------------------------------------------------------------
 
     def block(self, index: int, block: Block) -> None:
         e = self.e
         e.block(f"block{block.start}")
-        left = e.value("i64", "load i64, ptr %budget")
+        left = e.value("i64", "load i64, ptr %control")
         enough = e.value("i1", f"icmp uge {left}, {len(block.instructions)}")
         short, steps = self.label("short"), self.label("steps")
         e.line(f"br {enough}, label %{steps}, label %{short}")
@@ -129,7 +120,7 @@ class _Translator:
         for word, number in ((PART_START, block.start), (PART_STEPS, offset)):
             e.line(f"store i64 {number}, ptr {e.value('ptr', f'getelementptr i64, ptr %control, i32 {word}').text}")
         if offset:
-            e.line(f'store i32 {block.start + offset - 1}, ptr %"came_from"')
+            e.store("came_from", constant(block.start + offset - 1))
         self.stop_at(block.start + offset)
 
 
@@ -447,7 +438,7 @@ class _Step:
         """A jump, call, return or halt whose condition holds. `alu` is the ALU's output before the step."""
         e = self.e
         if operation == "halt":
-            e.line('store i1 true, ptr %"halted"')
+            e.store("halted", TRUE)
             self.t.stop_at(self.address)
             return
         if operation.startswith("call"):
