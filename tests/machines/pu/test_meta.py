@@ -7,7 +7,7 @@ import pytest
 
 from tasuki.diagnostics import SourceError
 from tasuki.machines.pu import meta
-from tasuki.machines.pu.isa import DEFAULT
+from tasuki.machines.pu.isa import DEFAULT, InstructionSet, Widths
 
 ASM = Path(__file__).parent / "asm"
 SOURCES = sorted(ASM.rglob("*.meta"))
@@ -191,3 +191,13 @@ def test_what_could_run_away_stops():
 
 def test_a_long_sum_needs_no_depth():
     assert meta.assemble("lit=" + "+".join(["1"] * 40_000)).program.words == (40_000,)
+
+
+def test_other_widths_go_through_assembler_and_disassembler():
+    """A machine with 128 registers a bank: 268 bits, every one of which comes back from every form."""
+    wider = InstructionSet(Widths(fpp_register=7))
+    program = meta.assemble("x.ra=R127 seq.op=halt\n.word (1 << 268) - 1", isa=wider).program
+    assert program.words[1].bit_length() == wider.bits == 268
+    assert meta.assemble(meta.disassemble(program, wider), isa=wider).program.words == program.words
+    assert meta.from_hex(meta.to_hex(program, wider), isa=wider) == program.words
+    assert meta.from_binary(meta.to_binary(program, wider), isa=wider) == program.words

@@ -18,7 +18,8 @@ from tasuki.machines.pu.meta.source import Token
 
 MAX_DEPTH = 60
 """Nested parentheses and signs in one value, and constants that stand on constants."""
-_LIMIT = 1 << 256
+LIMIT_BITS = 512
+"""Whole numbers have fewer bits than this: room for a microinstruction of any width, none for runaway arithmetic."""
 
 
 class Register(NamedTuple):
@@ -44,14 +45,14 @@ class ValueFault(Exception):
 
 
 def _left(a: int, b: int) -> int:
-    if not 0 <= b < 256:
-        raise ValueError("a shift count must be 0 to 255")
+    if not 0 <= b < LIMIT_BITS:
+        raise ValueError(f"a shift count must be 0 to {LIMIT_BITS - 1}")
     return a << b
 
 
 def _right(a: int, b: int) -> int:
-    if not 0 <= b < 256:
-        raise ValueError("a shift count must be 0 to 255")
+    if not 0 <= b < LIMIT_BITS:
+        raise ValueError(f"a shift count must be 0 to {LIMIT_BITS - 1}")
     return a >> b
 
 
@@ -101,7 +102,7 @@ def extent(tokens: Sequence[Token], start: int) -> int:
 
 
 def parse_number(token: Token) -> Number:
-    """The number that a token writes. Raises ValueFault where it is beyond 2**256 or any float."""
+    """The number that a token writes. Raises ValueFault where it is of LIMIT_BITS bits or more, or beyond any float."""
     text = token.text.replace("_", "")
     try:
         if text[:2].lower() in ("0x", "0b"):
@@ -114,7 +115,7 @@ def parse_number(token: Token) -> Number:
 
 
 def _checked(value: int) -> int:
-    if abs(value) >= _LIMIT:
+    if abs(value) >> LIMIT_BITS:
         raise OverflowError("the number is too large")
     return value
 
