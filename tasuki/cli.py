@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tasuki.diagnostics import Diagnostic, OutputError, TasukiError
+from tasuki.diagnostics import Diagnostic, MachineError, OutputError, TasukiError
 from tasuki.version import __version__
 
 WRONG = 2
@@ -324,8 +324,14 @@ def run(
         program = assemble(file).program
         shown = sys.stdout if trace else None
         if vcd:
+            trap = None
             with written_aside(vcd) as aside, aside.open("w", encoding="ascii") as dump:
-                outcome = simulate(program, limit=limit, trace=shown, vcd=dump)
+                try:
+                    outcome = simulate(program, limit=limit, trace=shown, vcd=dump)
+                except MachineError as error:
+                    trap = error  # after the dump has got its name: what led to a trap is what it is wanted for
+            if trap:
+                raise trap
         else:
             outcome = simulate(program, limit=limit, trace=shown)
         print(outcome.report())

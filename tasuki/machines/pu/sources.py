@@ -1,4 +1,4 @@
-"""Source files of either assembler, by their suffix: `.macro` and `.meta`."""
+"""Microcode from files, by their suffix: `.macro` and `.meta` are source, `.hex` and `.bin` what was assembled."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 
 from tasuki.diagnostics import Diagnostic, SourceError
 from tasuki.machines.pu import macro, meta
-from tasuki.machines.pu.isa import Program
-from tasuki.machines.pu.meta.source import read_source
+from tasuki.machines.pu.isa import Program, Word
+from tasuki.machines.pu.meta.source import read_bytes, read_source
 
 FORMS = ("macro", "meta", "listing", "hex", "binary")
 """What an assembled file can be written as."""
@@ -41,12 +41,22 @@ class Assembled:
 
 
 def assemble(path: Path) -> Assembled:
-    """Assembles a file. Raises SourceError with every error that was found."""
+    """Assembles a file; words alone are disassembled first. Raises SourceError with every error that was found."""
     if path.suffix == ".macro":
         made = macro.assemble_file(path)
         return Assembled(made.assembly, made.meta, made.source)
     if path.suffix == ".meta":
         return Assembled(meta.assemble_file(path), read_source(path).text, None)
+    if path.suffix in (".hex", ".bin"):
+        text = meta.disassemble(Program(_words(path)))
+        return Assembled(meta.assemble(text, f"{path} (disassembled)"), text, None)
     found = repr(path.suffix) if path.suffix else "no suffix"
     message = f"cannot tell the language of {str(path)!r} by its suffix"
-    raise SourceError([Diagnostic(message, None, "a name ending in .macro or .meta", found)])
+    raise SourceError([Diagnostic(message, None, "a name ending in .macro or .meta, or in .hex or .bin", found)])
+
+
+def _words(path: Path) -> tuple[Word, ...]:
+    """The words of a `.hex` or `.bin` file."""
+    if path.suffix == ".hex":
+        return meta.from_hex(read_source(path).text, str(path))
+    return meta.from_binary(read_bytes(path), str(path))

@@ -42,6 +42,14 @@ def test_run_writes_a_value_change_dump(tmp_path):
     assert "$enddefinitions $end" in (tmp_path / "out.vcd").read_text()
 
 
+def test_a_value_change_dump_reaches_to_the_trap(tmp_path):
+    path, dump = tmp_path / "trap.meta", tmp_path / "trap.vcd"
+    path.write_text("x.op=copy x.a=lit lit=1.0\nseq.op=return\n")
+    result = tasuki("run", path, "--vcd", dump)
+    assert (result.exit_code, "empty call stack" in result.stderr) == (2, True)
+    assert "\n#1\n" in dump.read_text()
+
+
 def test_run_shows_memory():
     lines = tasuki("run", EXAMPLES / "picture.macro", "--memory", "513,2").stdout.splitlines()
     assert lines[-2].split() == [
@@ -71,6 +79,29 @@ def test_asm_writes_every_form(tmp_path):
     assert meta.from_hex(tasuki("asm", NORMALIZE, "--emit", "hex").stdout) == program.words
     assert macro.assemble(tasuki("asm", NORMALIZE, "--emit", "macro").stdout).program.words == program.words
     assert "normalize v2, v1" in tasuki("asm", NORMALIZE).stdout
+
+
+@pytest.mark.parametrize(("form", "suffix"), [("hex", ".hex"), ("binary", ".bin")])
+def test_words_alone_are_disassembled_and_run(tmp_path, form, suffix):
+    words = tmp_path / f"out{suffix}"
+    assert tasuki("asm", NORMALIZE, "--emit", form, "-o", words).exit_code == 0
+    again = tasuki("asm", words, "--emit", "meta").stdout
+    assert meta.assemble(again).program.words == macro.assemble_file(NORMALIZE).program.words
+    assert re.search(r"^steps +23$", tasuki("run", words).stdout, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("wrong.bin", b"123", "wrong.bin: this is no microcode"),
+        ("wrong.hex", b"12\nxyz\n", "wrong.hex:2:1: error: this is no word"),
+        ("wrong.hex", b"\xff\xff", "wrong.hex: line 1: this is not text"),
+    ],
+)
+def test_wrong_words(tmp_path, name, content, expected):
+    path = tmp_path / name
+    path.write_bytes(content)
+    wrong(path, expected)
 
 
 def wrong(path: Path, *expected: str) -> None:

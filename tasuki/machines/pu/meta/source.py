@@ -113,10 +113,12 @@ def _stretch(tokens: Sequence[Token]) -> Span:
 
 
 def read_source(path: Path) -> Source:
-    """The text of a source file.
+    """The text of a source file. Raises SourceError as `read_bytes` does, and where it is not UTF-8 text."""
+    return Source(str(path), decode_text(read_bytes(path), str(path)))
 
-    Raises SourceError where it is missing, is no file, is larger than MAX_BYTES, or is not UTF-8 text.
-    """
+
+def read_bytes(path: Path) -> bytes:
+    """What a file holds. Raises SourceError where it is missing, is no file, or is larger than MAX_BYTES."""
     name = str(path)
     try:
         if not path.is_file():
@@ -124,10 +126,9 @@ def read_source(path: Path) -> Source:
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise _unreadable(name, "the source is too large", f"at most {MAX_BYTES} bytes", f"{size} bytes")
-        data = path.read_bytes()
+        return path.read_bytes()
     except (OSError, ValueError) as error:
         raise _unreadable(name, f"the file cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    return Source(name, decode_text(data, name))
 
 
 def decode_text(data: bytes, name: str) -> str:
