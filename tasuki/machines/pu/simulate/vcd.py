@@ -23,38 +23,56 @@ class Signal:
     width: int
 
 
-def _samples(state: State) -> Iterator[tuple[Signal, int]]:
-    """Every signal with its word now. The order is the same for every state."""
-    yield Signal("sequencer", "address", 32), state.address
-    yield Signal("sequencer", "halted", 1), int(state.halted)
-    yield Signal("sequencer", "call_depth", 8), len(state.call_stack)
-    yield Signal("sequencer", "loop_depth", 8), len(state.loop_stack)
-    yield Signal("sequencer", "loop_count", 32), state.loop_stack[-1] if state.loop_stack else 0
+def _signals(state: State) -> Iterator[Signal]:
+    """Every signal, in the order of `_words`."""
+    yield Signal("sequencer", "address", 32)
+    yield Signal("sequencer", "halted", 1)
+    yield Signal("sequencer", "call_depth", 8)
+    yield Signal("sequencer", "loop_depth", 8)
+    yield Signal("sequencer", "loop_count", 32)
     for unit in FPP:
-        yield from _both(f"fpp{unit}", "output", state.output[unit])
-        yield from ((Signal(f"fpp{unit}", flag, 1), int(value)) for flag, value in state.flags[unit].items())
-        yield from _file(f"fpp{unit}", unit, state.registers[unit])
-    yield from _both("table", "output", state.output["table"])
-    yield Signal("table", "special", 1), int(state.special)
-    yield Signal("alu", "output", 32), state.output["alu"]
-    yield from ((Signal("alu", flag, 1), int(value)) for flag, value in state.flags["alu"].items())
-    yield from _file("alu", "alu", state.registers["alu"])
+        yield from _both(f"fpp{unit}", "output")
+        yield from (Signal(f"fpp{unit}", flag, 1) for flag in state.flags[unit])
+        yield from _file(f"fpp{unit}", unit, state)
+    yield from _both("table", "output")
+    yield Signal("table", "special", 1)
+    yield Signal("alu", "output", 32)
+    yield from (Signal("alu", flag, 1) for flag in state.flags["alu"])
+    yield from _file("alu", "alu", state)
     for bank in BANKS:
-        yield from _both("memory", f"latch_{bank}", state.latch[bank])
-    yield Signal("address_generator", "row", 32), state.row
+        yield from _both("memory", f"latch_{bank}")
+    yield Signal("address_generator", "row", 32)
     for file in ("br", "ir", "ar"):
-        yield from _file("address_generator", file, state.registers[file])
-    yield Signal("display", "frames", 32), state.frames
+        yield from _file("address_generator", file, state)
+    yield Signal("display", "frames", 32)
 
 
-def _both(scope: str, name: str, word: int) -> Iterator[tuple[Signal, int]]:
-    yield Signal(scope, name, 32), word
-    yield Signal(scope, f"{name}_real", 0), word
+def _both(scope: str, name: str) -> Iterator[Signal]:
+    yield Signal(scope, name, 32)
+    yield Signal(scope, f"{name}_real", 0)
 
 
-def _file(scope: str, file: str, registers: list[int]) -> Iterator[tuple[Signal, int]]:
-    for number, word in enumerate(registers):
-        yield Signal(scope, register_name(file, number).rpartition(".")[2], 32), word
+def _file(scope: str, file: str, state: State) -> Iterator[Signal]:
+    for number in range(len(state.registers[file])):
+        yield Signal(scope, register_name(file, number).rpartition(".")[2], 32)
+
+
+def _words(state: State) -> list[int]:
+    """Every signal's word now. Apart from `_signals`, because this is done after each step."""
+    loops = state.loop_stack
+    words = [state.address, int(state.halted), len(state.call_stack), len(loops), loops[-1] if loops else 0]
+    for unit in FPP:
+        output = state.output[unit]
+        words += (output, output, *map(int, state.flags[unit].values()), *state.registers[unit])
+    words += (state.output["table"], state.output["table"], int(state.special), state.output["alu"])
+    words += (*map(int, state.flags["alu"].values()), *state.registers["alu"])
+    for bank in BANKS:
+        words += (state.latch[bank], state.latch[bank])
+    words.append(state.row)
+    for file in ("br", "ir", "ar"):
+        words += state.registers[file]
+    words.append(state.frames)
+    return words
 
 
 def _identifier(number: int) -> str:
@@ -78,10 +96,9 @@ class VcdWriter:
 
     def sample(self, state: State) -> None:
         """Write what changed since the last sample, at the time `state.steps`."""
-        samples = list(_samples(state))
-        words = [word for _, word in samples]
+        words = _words(state)
         if self._last is None:
-            self._signals = [signal for signal, _ in samples]
+            self._signals = list(_signals(state))
             self._header()
             self._write(f"#{state.steps}", "$dumpvars", *map(self._change, range(len(words)), words), "$end")
         else:
