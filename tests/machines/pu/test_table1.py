@@ -157,6 +157,20 @@ def test_quotients_by_very_small_divisors_are_infinite():
     same(scalar("div", [1e-30], [2.0**-130]), [INF])
 
 
+def test_quotients_by_very_large_divisors_lose_bits():
+    """Above 2**126 the reciprocal is subnormal: its last two bits are lost."""
+    divisors = np.linspace(2.0**126, 2.0**128, 3000, endpoint=False).astype(np.float32)
+    found = scalar("div", np.full(3000, 2.0**100), divisors)
+    exact = 2.0**100 / divisors.astype(np.float64)
+    off = np.abs(found - exact) / np.spacing(exact.astype(np.float32))
+    assert 3.0 < off.max() < 8.0
+
+
+def test_norm_of_vectors_whose_square_underflows_is_zero():
+    row = next(one for one in ROWS if one.macro == "norm")
+    assert table1.run(row, [np.full((1, 1, 4), 1e-30, np.float32)], "plain")[0][0, 0, 3] == 0.0
+
+
 def test_sine_of_special_numbers():
     assert np.isnan(scalar("sin", [INF, -INF, NAN])).all()
     assert (scalar("sin", [0.0, -0.0]) == 0).all()
