@@ -56,9 +56,9 @@ class Ours:
     def __init__(self, tracer: RayTracer) -> None:
         nearest = Options(("items", "items", "same"), checked=False)
         shadow = Options(("items", "items", "same", "same"), checked=False)
-        self._tables = tracer.tables()
-        self._nearest = executable(nearest_intersection, nearest, tracer.fillers())
-        self._shadow = executable(shadow_intersection, shadow, tracer.fillers())
+        self._tables = tracer.prepared.tables()
+        self._nearest = executable(nearest_intersection, nearest, tracer.prepared.fillers())
+        self._shadow = executable(shadow_intersection, shadow, tracer.prepared.fillers())
 
     def nearest(self, rays: Rays, threads: int) -> np.ndarray:
         """The distance of every ray's nearest hit."""
