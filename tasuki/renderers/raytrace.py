@@ -162,11 +162,3 @@ def pixel_places(region: Region) -> np.ndarray:
     right = places[:whole_rows, whole_columns:].reshape(-1)
     below = places[whole_rows:].reshape(-1)
     return np.concatenate([inner, right, below])
-
-
-def render_scene(
-    scene: Scene, options: RenderOptions, modules: Mapping[str, Module] | None = None, progress: Any = None
-) -> tuple[np.ndarray, RayTracer]:
-    """One picture of a scene, and the tracer that made it."""
-    tracer = RayTracer(scene, options, modules)
-    return tracer.render(progress), tracer

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from tasuki.ir import expansions
 from tasuki.ir import nodes as ir
 from tasuki.ir.ops import OPERATIONS
+from tasuki.ir.paths import at_path
 from tasuki.machines.cpu.arrays import ArrayValue, load_array
 from tasuki.machines.cpu.checks import Checker, TableValue
 from tasuki.machines.cpu.emit import Emitter, Leaf
 from tasuki.machines.cpu.memory import load_table
 from tasuki.machines.cpu.primitives import lower_primitive
-from tasuki.machines.cpu.variance import BlockPath, Variance, leaf_span
+from tasuki.machines.cpu.variance import BlockPath, Variance
 
 
 @dataclass
@@ -103,7 +104,7 @@ class ExpressionLowering:
             case ir.Load(table, index, path):
                 rows = self.table(table)
                 checked = self.checked_index(expression, rows, index)
-                return load_table(e, rows, checked, leaf_span(rows.record, path), self.mask())
+                return load_table(e, rows, checked, at_path(rows.record, path)[1], self.mask())
             case ir.Length(table):
                 return [Leaf("i32", False, self.table(table).count)]
         raise TypeError(f"no value: {expression!r}")
@@ -112,7 +113,7 @@ class ExpressionLowering:
         """A member of a value; of a variable only the leaves that are wanted are read."""
         if isinstance(base, ir.Member):
             return self.member(base.base, (base.name, *path))
-        at = leaf_span(base.type, path)
+        at = at_path(base.type, path)[1]
         if isinstance(base, ir.Local):
             return [self.load_slot(self.places[base.name], i) for i in at]
         leaves = self.expression(base)

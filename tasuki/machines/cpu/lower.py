@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tasuki.ir import nodes as ir
+from tasuki.ir.paths import at_path
 from tasuki.ir.types import Array, Table
 from tasuki.machines.cpu.arrays import clear_array, declare_array, store_array
 from tasuki.machines.cpu.checks import AccessSite, Checker, TableValue
@@ -25,7 +26,7 @@ from tasuki.machines.cpu.lanes import extract, first_lane
 from tasuki.machines.cpu.memory import store_table, word_pointers
 from tasuki.machines.cpu.profile import ProfileCounters
 from tasuki.machines.cpu.structure import has_jump, has_return, named_tables
-from tasuki.machines.cpu.variance import BlockPath, Pattern, Variance, VarianceAnalysis, leaf_span, variable_type
+from tasuki.machines.cpu.variance import BlockPath, Pattern, Variance, VarianceAnalysis, variable_type
 
 
 @dataclass
@@ -164,7 +165,7 @@ class FunctionLowering(ExpressionLowering):
     def statement(self, statement: ir.Statement, path: BlockPath, index: int) -> None:
         match statement:
             case ir.Assign(target, value, member_path):
-                at = leaf_span(variable_type(self.function, target), member_path)
+                at = at_path(variable_type(self.function, target), member_path)[1]
                 self.assign(self.places[target], at, self.expression(value), self.parted(target, path))
             case ir.SetElement(array, at_index, value, member_path):
                 self.set_element(array, at_index, value, member_path, path)
@@ -196,7 +197,7 @@ class FunctionLowering(ExpressionLowering):
         self, array: str, index: ir.Expression, value: ir.Expression, member_path: tuple[str, ...], path: BlockPath
     ) -> None:
         target = self.arrays[array]
-        at = leaf_span(target.type.item, member_path)
+        at = at_path(target.type.item, member_path)[1]
         index_leaf, leaves = self.expression(index)[0], self.expression(value)
         store_array(self.e, target, index_leaf, at, leaves, self.mask(), self.parted(array, path))
 
@@ -209,14 +210,14 @@ class FunctionLowering(ExpressionLowering):
         member_path: tuple[str, ...],
     ) -> None:
         target = self.table(table)
-        at = leaf_span(target.record, member_path)
+        at = at_path(target.record, member_path)[1]
         leaves = self.expression(value)
         checked = self.checked_index(statement, target, index)
         store_table(self.e, target, checked, at, leaves, self.mask())
 
     def atomic(self, statement: ir.Atomic, path: BlockPath) -> None:
         table = self.table(statement.table)
-        leaf = leaf_span(table.record, statement.path)[0]
+        leaf = at_path(table.record, statement.path)[1][0]
         index = self.checked_index(statement, table, statement.index)
         value = self.expression(statement.value)[0]
         old = self.atomic_lanes(statement.operation, table, leaf, index, value)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from tasuki.diagnostics import Diagnostic, Note, SourceError, Span
 from tasuki.ir import nodes as ir
 from tasuki.ir.ops import OPERATIONS
+from tasuki.ir.paths import at_path
 from tasuki.ir.types import Array, Table, Type
 
 BlockPath = tuple[tuple[int, str], ...]
@@ -215,7 +216,7 @@ class _Fixpoint:
             leaves = [r or Reason(f"`{target}` is assigned where lanes have parted", span, parted) for r in leaves]
         elif not target.startswith(TEMPORARY):
             leaves = [Reason(f"`{target}` is assigned here", span, r) if r else None for r in leaves]
-        self.merge(self.out.variables[target], leaf_span(type_, member_path), leaves)
+        self.merge(self.out.variables[target], at_path(type_, member_path)[1], leaves)
 
     def merge(self, into: Leaves, at: range, leaves: Leaves) -> None:
         if len(leaves) == 1:
@@ -295,18 +296,6 @@ def leaf_count(type_: Type) -> int:
     if isinstance(type_, Table):
         return 0
     return len((type_.item if isinstance(type_, Array) else type_).leaves)
-
-
-def leaf_span(type_: Type, path: Sequence[str]) -> range:
-    """The leaves of `type_` that the member at `path` takes."""
-    at = range(len(type_.leaves))
-    for name in path:
-        inner = type_.leaf_range(name)
-        at = range(at.start + inner.start, at.start + inner.stop)
-        member = type_.member(name)
-        assert member is not None
-        type_ = member
-    return at
 
 
 def variable_type(function: ir.Function, name: str) -> Type:
