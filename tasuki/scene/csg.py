@@ -1,0 +1,47 @@
+"""Solids as set operations on surfaces: what a constructor, a formula and a flat object are made of.
+
+A literal is one side of a surface, in coordinates of its own; branches join literals. Imported by the scene's
+constructors, which make these trees, and by what bounds, merges and packs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from tasuki.diagnostics import Span
+
+PLANE, QUADRIC = "plane", "quadric"
+"""The kinds of surfaces whose literals any matrix moves into the scene's coordinates; those of others keep theirs."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Leaf:
+    """A literal: the inside of a surface, or, `inverted`, all but that.
+
+    `values` of a plane are (n, d), shape (4,), IN where n . P + d < 0; of a quadric the symmetric (4, 4) matrix S, IN
+    where (P, 1)^T S (P, 1) < 0; of any other kind the fields of its record by name. All float64, in local coordinates,
+    which `matrix` (4, 4) places in those of the scene. `material` is an index into the flat scene's materials.
+    """
+
+    kind: str
+    values: np.ndarray | Mapping[str, Any]
+    matrix: np.ndarray
+    material: int
+    place: Span | None = None
+    inverted: bool = False
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Branch:
+    """The union or intersection of its children, of which there is at least one; or, `inverted`, all but that."""
+
+    operation: Literal["union", "intersection"]
+    children: Sequence[Tree]
+    inverted: bool = False
+
+
+Tree: TypeAlias = Leaf | Branch
