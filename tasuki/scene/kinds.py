@@ -17,8 +17,11 @@ from tasuki.scene.source import suggestion
 UNIT_MATRIX = 4
 """Flag of a quadric whose matrix is the unit matrix, without linear term: a sphere (`SPHERE` in the modules' records).
 """
-MOST_KINDS = 32
-"""A primitive's code is its index * 32 + its kind."""
+MOST_KINDS = 31
+"""A thing's code is its index * 32 + its kind; the last kind is that of objects."""
+SURFACE = ("hit", "surface")
+SOLID = ("span", "normal", "inside")
+"""Modules that a kind of each sort must have."""
 
 
 @dataclass(frozen=True)
@@ -38,19 +41,23 @@ class PrimitiveKind:
     `table` is the table that holds its records. The modules that fill the sockets of the search are `hit` (the first
     visible crossing of a ray), `surface` (normals and attribute at a point) and `box` (bounds). A *solid* has an inside
     (`inside`, its IN/OUT module) and may be an operand of set operations; a *surface* has none. `cost` is that of `hit`
-    in units of a triangle's. `number` is what the
-    field `kind` of a record holds; `register` gives it.
+    in units of a triangle's. Kinds that are not
+    built in are nodes of scene files, under their names. `number` is what the field `kind` of a record holds;
+    `register` gives it.
     """
 
     name: str
     sort: Literal["solid", "surface"]
     table: Any
-    hit: Any
-    surface: Any
     box: Any
+    hit: Any = None
+    surface: Any = None
+    span: Any = None
+    normal: Any = None
     inside: Any = None
     cost: float = 1.0
     narrow: tuple[Narrow, ...] = ()
+    is_built_in: bool = False
     number: int = -1
 
     def resolve(self, role: str) -> Any:
@@ -86,11 +93,21 @@ def register(kind: PrimitiveKind) -> PrimitiveKind:
         raise SceneError(f"error: there is a primitive kind {kind.name!r} already")
     if len(_KINDS) == MOST_KINDS:
         raise SceneError(f"error: no room for the primitive kind {kind.name!r}: there are {MOST_KINDS} already")
-    if (kind.sort == "solid") != (kind.inside is not None):
-        expected = "a solid has an `inside` module, a surface has none"
-        raise SceneError(f"error: the primitive kind {kind.name!r} is inconsistent\n  expected: {expected}")
+    _check_roles(kind)
     _KINDS[kind.name] = replace(kind, number=len(_KINDS))
     return _KINDS[kind.name]
+
+
+def _check_roles(kind: PrimitiveKind) -> None:
+    """SceneError where a kind lacks modules of its sort, or has such of the other."""
+    wanted, foreign = (SOLID, ()) if kind.sort == "solid" else (SURFACE, SOLID)
+    missing = [role for role in wanted if getattr(kind, role) is None]
+    excess = [role for role in foreign if getattr(kind, role) is not None]
+    if missing or excess:
+        expected = f"a {kind.sort} has the modules {', '.join((*wanted, 'box'))}"
+        found = ", ".join([f"no {role}" for role in missing] + excess)
+        message = f"the primitive kind {kind.name!r} is inconsistent"
+        raise SceneError(f"error: {message}\n  expected: {expected}\n  found: {found}")
 
 
 def lookup(name: str) -> PrimitiveKind:
@@ -122,11 +139,10 @@ def _builtin(name: str, sort: Literal["solid", "surface"], cost: float = 1.0) ->
         name=name,
         sort=sort,
         table=f"tasuki.modules.records:{name}s",
-        hit=f"{modules}:{name}_hit",
-        surface=f"{modules}:{name}_surface",
         box=f"{modules}:{name}_bounds",
-        inside=f"{modules}:{name}_inside" if sort == "solid" else None,
+        **{role: f"{modules}:{name}_{role}" for role in (*SURFACE, *(SOLID if sort == "solid" else ()))},
         cost=cost,
+        is_built_in=True,
     )
 
 
