@@ -23,8 +23,9 @@ import numpy as np
 from bench.measure import Report, Samples, Table, alternate, ratio, rounds_argument
 from bench.mesh import bumpy_sphere, mesh_scene
 from tasuki.machines.cpu.machine import Argument, Executable, Items, Same
-from tasuki.modules.bvh import NOTHING, nearest_intersection, shadow_intersection
+from tasuki.modules.bvh import nearest_intersection, shadow_intersection
 from tasuki.modules.crossing import NOWHERE
+from tasuki.modules.search import NOTHING
 from tasuki.programs import Options, executable
 from tasuki.renderers.options import RenderOptions
 from tasuki.renderers.raytrace import RayTracer, pixel_places

@@ -19,7 +19,7 @@ import tasuki.modules
 from tasuki.diagnostics import Diagnostic, LinkError, TasukiError
 from tasuki.language.declare import Module
 from tasuki.language.load import declared, load_modules, resolve_module
-from tasuki.renderers.prepared import FILLED
+from tasuki.renderers.fillers import FILLED
 from tasuki.scene.kinds import kinds
 
 GROUP = "tasuki.modules"

@@ -30,11 +30,11 @@ def explain(name: str | Module, sections: Sequence[str] = ("ir", "lanes", "assem
 
     `sections` chooses among SECTIONS. Raises LinkError where there is no such module, SourceError where it is wrong.
     """
-    from tasuki.renderers.prepared import default_fillers
+    from tasuki.renderers.fillers import Traits, default_fillers
     from tasuki.scene.kinds import kinds
 
     module = name if isinstance(name, Module) else resolve_module(name)
-    program = link_program(module, default_fillers(kinds()))
+    program = link_program(module, default_fillers(Traits.of_all(kinds())))
     parts = [_head(module)]
     for section in sections:
         parts.append("\n".join([f"--- {_TITLES[section]}", *_REPORTS[section](program)]))

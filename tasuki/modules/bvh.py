@@ -5,61 +5,14 @@ Each lane keeps its own nearest hit, and hits are ordered by (t, code), so that 
 (I. Wald et al., "Interactive Rendering with Coherent Ray Tracing", 2001).
 """
 
-from tasuki.language import (
-    abs,
-    any_lane,
-    array,
-    copysign,
-    count_lanes,
-    f32,
-    fma,
-    i32,
-    max,
-    min,
-    module,
-    reciprocal,
-    select,
-    socket,
-    vec3,
-)
+from tasuki.language import any_lane, array, count_lanes, f32, i32, module, select, vec3
 from tasuki.modules.crossing import NOWHERE
 from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, boxes, bvh_nodes
+from tasuki.modules.search import NOTHING, hit_of, nearer_hit
+from tasuki.modules.slabs import slab_entry, slab_ray
 
 STACK_SIZE = 64
 """Deeper than any tree that `bvh_build` makes."""
-NOTHING = -1
-"""The code of no primitive: what a ray has hit that hit nothing, or has left that left nothing."""
-LEAST_DIRECTION = 1.0e-20
-
-
-@socket(dispatch=True)
-def primitive_hit(kind: i32, index: i32, origin: vec3, direction: vec3, leaving: bool) -> f32:
-    """The first visible crossing of a primitive with t > 0, or NOWHERE (or NaN)."""
-    ...
-
-
-@module
-def slab_reciprocal(x: f32) -> f32:
-    """1 / x, kept finite, so that no slab test meets 0 times infinity."""
-    return reciprocal(select(abs(x) < LEAST_DIRECTION, copysign(LEAST_DIRECTION, x), x))
-
-
-@module
-def slab_entry(low: vec3, high: vec3, inverse: vec3, shifted: vec3, far: f32) -> tuple[f32, f32]:
-    """Where a ray enters and leaves a box, clipped to 0..far; it misses where it enters after it leaves.
-
-    (plane - origin) / direction is one fused operation: the boxes were widened by more than its error when they were
-    built, and a box decides only whether its content is looked at.
-    """
-    x0 = fma(low.x, inverse.x, shifted.x)
-    x1 = fma(high.x, inverse.x, shifted.x)
-    y0 = fma(low.y, inverse.y, shifted.y)
-    y1 = fma(high.y, inverse.y, shifted.y)
-    z0 = fma(low.z, inverse.z, shifted.z)
-    z1 = fma(high.z, inverse.z, shifted.z)
-    enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), 0.0))
-    leave = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), far))
-    return enter, leave
 
 
 @module
@@ -73,14 +26,10 @@ def leaf_range(leaf: i32) -> tuple[i32, i32]:
 def nearest_in_leaf(
     leaf: i32, origin: vec3, direction: vec3, left: i32, nearest: f32, hit: i32
 ) -> tuple[f32, i32]:
-    """The nearer of the nearest hit so far and those in a leaf. Selected, not branched: lanes seldom agree."""
+    """The nearer of the nearest hit so far and those in a leaf."""
     first, end = leaf_range(leaf)
     for place in range(first, end):
-        primitive = boxes[place].code
-        t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
-        closer = t < nearest or (t == nearest and primitive < hit)
-        nearest = select(closer, t, nearest)
-        hit = select(closer, primitive, hit)
+        nearest, hit = nearer_hit(boxes[place].code, origin, direction, left, nearest, hit)
     return nearest, hit
 
 
@@ -90,20 +39,15 @@ def blocked_in_leaf(leaf: i32, origin: vec3, direction: vec3, left: i32, distanc
     first, end = leaf_range(leaf)
     blocked = False
     for place in range(first, end):
-        primitive = boxes[place].code
-        t = primitive_hit(primitive & 31, primitive >> 5, origin, direction, left == primitive)
+        t = hit_of(boxes[place].code, origin, direction, left, distance)
         blocked = blocked or t < distance
     return blocked
 
 
-@module(number=14, method="raytrace")
+@module(number=14, method="raytrace", fills="nearest_hit")
 def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32, i32]:
-    """The nearest visible hit of a ray of unit direction: its t, and the code of the primitive (NOTHING: none).
-
-    `left` is the code of the primitive on which the ray begins. Hits at one t go to the lower code.
-    """
-    inverse = vec3(slab_reciprocal(direction.x), slab_reciprocal(direction.y), slab_reciprocal(direction.z))
-    shifted = -(origin * inverse)
+    """The nearest visible hit, through the BVH: see `search.nearest_hit`."""
+    inverse, shifted = slab_ray(origin, direction)
     nearest = NOWHERE
     hit = NOTHING
     stack = array(i32, STACK_SIZE)
@@ -146,11 +90,10 @@ def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32,
     return nearest, hit
 
 
-@module(number=15, method="raytrace")
+@module(number=15, method="raytrace", fills="is_blocked")
 def shadow_intersection(origin: vec3, direction: vec3, left: i32, distance: f32) -> bool:
-    """Whether something visible lies on a ray of unit direction before `distance`; `left` as in module 14."""
-    inverse = vec3(slab_reciprocal(direction.x), slab_reciprocal(direction.y), slab_reciprocal(direction.z))
-    shifted = -(origin * inverse)
+    """Whether something visible lies before `distance`, through the BVH: see `search.is_blocked`."""
+    inverse, shifted = slab_ray(origin, direction)
     stack = array(i32, STACK_SIZE)
     depth = 0
     code = 0

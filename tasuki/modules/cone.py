@@ -39,13 +39,13 @@ def cone_hit(cone: Cone, origin: vec3, direction: vec3, leaving: bool) -> f32:
 
 
 @module
-def cone_surface(cone: Cone, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+def cone_surface(cone: Cone, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32, i32]:
     """The outward unit normal, as geometry and for shading, and the attribute."""
     f = point - cone.base
     height = dot(f, cone.axis)
     radius = cone.radius + cone.slope * height
     normal = normalize(f - (height + cone.slope * radius) * cone.axis)
-    return normal, normal, cone.attribute
+    return normal, normal, cone.attribute, cone.matrix
 
 
 @module

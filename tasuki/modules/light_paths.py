@@ -4,13 +4,15 @@ Both fill the socket `traced_light`; a scene in which nothing is transparent is 
 """
 
 from tasuki.language import any_lane, array, f32, i32, module, reciprocal, record, vec3
-from tasuki.modules.bvh import NOTHING, nearest_intersection
 from tasuki.modules.directions import reflection_direction
 from tasuki.modules.elementary import power
 from tasuki.modules.glass import energy_ratio, refraction_direction
-from tasuki.modules.raytrace import Traced, direct_light, lift, surface_at
+from tasuki.modules.media import index_of, media_at
+from tasuki.modules.raytrace import Traced, direct_light
 from tasuki.modules.records import Attribute, View, attributes
+from tasuki.modules.search import NOTHING, nearest_hit
 from tasuki.modules.shading import accumulate_luminance
+from tasuki.modules.surface import lift, material_of, surface_at
 
 DEEPEST = 32
 """Generations of rays that `trace_tree` can follow."""
@@ -25,16 +27,16 @@ def trace_mirrors(view: View, eye_direction: vec3) -> Traced:
     weight = vec3(1.0)
     out = Traced(vec3(0.0), 0, 0, 0, 0)
     for generation in range(view.depth):
-        t, hit = nearest_intersection(origin, direction, left)
+        t, hit = nearest_hit(origin, direction, left)
         if hit == NOTHING:
             out.luminance = accumulate_luminance(out.luminance, weight, view.background)
             break
         if generation == 0:
             out.eye_hits = 1
-        surface = surface_at(origin, direction, t, hit)
-        attribute = attributes[surface.attribute]
+        surface = surface_at(origin, direction, t, hit, left)
+        attribute = material_of(surface)
         start = surface.point + lift(surface, t)
-        luminance, shadow_rays = direct_light(attribute, surface, start, direction, hit)
+        luminance, shadow_rays = direct_light(attribute, surface, start, direction)
         out.shadow += shadow_rays
         out.luminance = accumulate_luminance(out.luminance, weight, luminance)
         if attribute.reflection <= 0.0 or generation + 1 == view.depth:
@@ -42,7 +44,7 @@ def trace_mirrors(view: View, eye_direction: vec3) -> Traced:
         weight = weight * attribute.reflection
         direction = reflection_direction(direction, surface.normal)
         origin = start
-        left = hit
+        left = surface.code
         out.reflection += 1
     return out
 
@@ -95,27 +97,31 @@ def shares(attribute: Attribute, direction: vec3, normal: vec3, ratio: f32) -> t
 @module
 def fork_at(ray: Ray, t: f32, hit: i32) -> Fork:
     """The light from the surface that a ray has hit, and the rays that its mirror and its glass send on."""
-    surface = surface_at(ray.origin, ray.direction, t, hit)
-    attribute = attributes[surface.attribute]
+    surface = surface_at(ray.origin, ray.direction, t, hit, ray.left)
+    attribute = material_of(surface)
     offset = lift(surface, t)
+    before, after = media_at(ray.origin, ray.direction, ray.left, t, surface)
     weight = ray.weight
-    ratio = reciprocal(attribute.index)
-    if not surface.entering:
-        weight = weight * attenuation(attribute, t)
-        ratio = attribute.index
+    if before != NOTHING:
+        weight = weight * attenuation(attributes[before], t)
     start = surface.point + offset
-    luminance, shadow_rays = direct_light(attribute, surface, start, ray.direction, hit)
-    mirrored, refracted = shares(attribute, ray.direction, surface.normal, ratio)
-    bent, possible = refraction_direction(ray.direction, surface.normal, ratio)
-    sent = possible and attribute.transmission > 0.0
+    beyond = surface.point - offset
     mirror = reflection_direction(ray.direction, surface.normal)
-    return Fork(
-        weight * luminance,
-        1,
-        shadow_rays,
-        Ray(start, mirror, mirrored * weight, hit, not mirrored > 0.0),
-        Ray(surface.point - offset, bent, refracted * weight, hit, not sent),
-    )
+    resting = Ray(beyond, mirror, vec3(0.0), surface.code, True)
+    fork = Fork(vec3(0.0), 1, 0, resting, resting)
+    if before == after and attribute.transmission > 0.0:
+        # Inside one medium a surface of another, which gives way to it, is not there.
+        fork.refracted = Ray(beyond, ray.direction, weight, surface.code, False)
+    else:
+        luminance, fork.shadow = direct_light(attribute, surface, start, ray.direction)
+        fork.luminance = weight * luminance
+        ratio = index_of(before) * reciprocal(index_of(after))
+        mirrored, refracted = shares(attribute, ray.direction, surface.normal, ratio)
+        bent, possible = refraction_direction(ray.direction, surface.normal, ratio)
+        sent = possible and attribute.transmission > 0.0
+        fork.mirrored = Ray(start, mirror, mirrored * weight, surface.code, not mirrored > 0.0)
+        fork.refracted = Ray(beyond, bent, refracted * weight, surface.code, not sent)
+    return fork
 
 
 @module
@@ -124,7 +130,7 @@ def fork_of(ray: Ray, background: vec3) -> Fork:
     ended = Ray(ray.origin, ray.direction, ray.weight, NOTHING, True)
     fork = Fork(vec3(0.0), 0, 0, ended, ended)
     if not ray.rests:
-        t, hit = nearest_intersection(ray.origin, ray.direction, ray.left)
+        t, hit = nearest_hit(ray.origin, ray.direction, ray.left)
         if hit == NOTHING:
             fork.luminance = ray.weight * background
         else:

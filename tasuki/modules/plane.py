@@ -20,6 +20,26 @@ def plane_inside(plane: Plane, point: vec3) -> bool:
 
 
 @module
+def plane_span(plane: Plane, origin: vec3, direction: vec3, leaving: bool, t: f32) -> tuple[bool, bool, f32]:
+    """Whether the ray is IN just before and just after t, and where it next changes; a parallel ray never does."""
+    height = dot(plane.normal, origin) + plane.d
+    slope = dot(plane.normal, direction)
+    crossing = select(leaving, 0.0, -height / slope)
+    before = select(slope < 0.0, crossing < t, t <= crossing)
+    after = select(slope < 0.0, crossing <= t, t < crossing)
+    parallel = slope == 0.0
+    inside = height < 0.0
+    coming = select(not parallel and crossing > t, crossing, NOWHERE)
+    return select(parallel, inside, before), select(parallel, inside, after), coming
+
+
+@module
+def plane_normal(plane: Plane, point: vec3) -> vec3:
+    """The outward unit normal."""
+    return plane.normal
+
+
+@module
 def plane_hit(plane: Plane, origin: vec3, direction: vec3, leaving: bool) -> f32:
     """The first visible crossing; none for a ray that begins in the plane (`leaving`)."""
     t = plane_intersection(plane, origin, direction)
@@ -30,9 +50,9 @@ def plane_hit(plane: Plane, origin: vec3, direction: vec3, leaving: bool) -> f32
 
 
 @module
-def plane_surface(plane: Plane, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
-    """The outward normal, as geometry and for shading, and the attribute."""
-    return plane.normal, plane.normal, plane.attribute
+def plane_surface(plane: Plane, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32, i32]:
+    """The outward normal, as geometry and for shading; the attribute and the matrix."""
+    return plane.normal, plane.normal, plane.attribute, plane.matrix
 
 
 @module

@@ -40,7 +40,7 @@ def quad_hit(quad: Quad, origin: vec3, direction: vec3, leaving: bool) -> f32:
 
 
 @module
-def quad_surface(quad: Quad, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+def quad_surface(quad: Quad, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32, i32]:
     """The normal of the plane, that interpolated between the corners, and the attribute.
 
     Interpolated in the triangle, abc or acd, through which the ray passes.
@@ -55,7 +55,7 @@ def quad_surface(quad: Quad, origin: vec3, direction: vec3, point: vec3) -> tupl
     weight_a = facing * select(in_abc, edge_side(b, c), edge_side(c, d))
     weight_c = facing * select(in_abc, edge_side(a, b), edge_side(d, a))
     smooth = weight_a * quad.normal_a + weight_b * quad.normal_b + weight_c * quad.normal_c + weight_d * quad.normal_d
-    return normalize(flat), normalize(smooth), quad.attribute
+    return normalize(flat), normalize(smooth), quad.attribute, quad.matrix
 
 
 @module

@@ -1,7 +1,7 @@
 """Quadrics, spheres among them: intersection (module 10), IN/OUT (12), and what the search needs of the kind."""
 
 from tasuki.language import abs, cross, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
-from tasuki.modules.crossing import first_crossing, quadratic_crossings
+from tasuki.modules.crossing import NOWHERE, first_crossing, quadratic_crossings
 from tasuki.modules.records import SPHERE, Quadric
 
 FAR = 1.0e30
@@ -59,6 +59,43 @@ def quadric_inside(quadric: Quadric, point: vec3) -> bool:
 
 
 @module
+def quadric_span(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool, t: f32) -> tuple[bool, bool, f32]:
+    """Whether the ray is IN just before and just after t, and where it next changes.
+
+    A ray that crosses nowhere is IN all the way or not at all: where it comes nearest to the centre decides.
+    """
+    if quadric.flags & SPHERE != 0:
+        enter, leave = sphere_crossings(quadric, origin, direction, leaving)
+        inside = False
+    else:
+        enter, leave = quadric_intersection(quadric, origin, direction, leaving)
+        inside = quadric_holds_line(quadric, origin, direction, leaving)
+    convex = enter <= leave
+    before = select(convex, enter < t and t <= leave, enter < t or t <= leave)
+    after = select(convex, enter <= t and t < leave, enter <= t or t < leave)
+    crosses = convex or leave < enter
+    coming = min(select(enter > t, enter, NOWHERE), select(leave > t, leave, NOWHERE))
+    return select(crosses, before, inside), select(crosses, after, inside), coming
+
+
+@module
+def quadric_holds_line(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool) -> bool:
+    """Whether a line that does not cross the quadric lies inside; one that touches it where it leaves lies inside
+    where the quadric bends away from it on both sides.
+    """
+    middle = origin - (dot(origin - quadric.centre, direction) / dot(direction, direction)) * direction
+    bend = dot(direction, quadric_matrix_times(quadric, direction))
+    return select(leaving, bend < 0.0, quadric_inside(quadric, middle))
+
+
+@module
+def quadric_normal(quadric: Quadric, point: vec3) -> vec3:
+    """The outward unit normal: half the gradient made unit."""
+    linear = vec3(quadric.l1, quadric.l2, quadric.l3)
+    return normalize(quadric_matrix_times(quadric, point - quadric.centre) + 0.5 * linear)
+
+
+@module
 def sphere_hit(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool) -> f32:
     """`quadric_hit` for a quadric with the flag SPHERE."""
     enter, leave = sphere_crossings(quadric, origin, direction, leaving)
@@ -77,11 +114,10 @@ def quadric_hit(quadric: Quadric, origin: vec3, direction: vec3, leaving: bool) 
 
 
 @module
-def quadric_surface(quadric: Quadric, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
-    """The outward unit normal, half the gradient made unit, as geometry and for shading, and the attribute."""
-    linear = vec3(quadric.l1, quadric.l2, quadric.l3)
-    normal = normalize(quadric_matrix_times(quadric, point - quadric.centre) + 0.5 * linear)
-    return normal, normal, quadric.attribute
+def quadric_surface(quadric: Quadric, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32, i32]:
+    """The outward unit normal, as geometry and for shading; the attribute and the matrix."""
+    normal = quadric_normal(quadric, point)
+    return normal, normal, quadric.attribute, quadric.matrix
 
 
 @module

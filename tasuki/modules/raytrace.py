@@ -3,34 +3,27 @@
 T. Whitted, "An Improved Illumination Model for Shaded Display", 1980.
 """
 
-from tasuki.language import abs, dot, f32, floor, i32, max, module, norm, reciprocal, record, socket, vec3
-from tasuki.modules.bvh import shadow_intersection
+from tasuki.language import dot, f32, floor, i32, module, norm, reciprocal, record, socket, vec3
+from tasuki.modules.crossing import NOWHERE
 from tasuki.modules.directions import view_direction
-from tasuki.modules.records import Attribute, Pixel, RayCounts, View, lights, picture, ray_counts, views
+from tasuki.modules.records import (
+    DIRECTIONAL,
+    Attribute,
+    Light,
+    Pixel,
+    RayCounts,
+    View,
+    lights,
+    picture,
+    ray_counts,
+    views,
+)
+from tasuki.modules.search import is_blocked
 from tasuki.modules.shading import shading
+from tasuki.modules.surface import Surface
 
-ROUNDING = 4.76837158e-7
-"""2**-21: relative error, with room to spare, of a hit point and of the way to it."""
 GOLDEN_X = 0.7548776662466927
 GOLDEN_Y = 0.5698402909980532
-
-
-@socket(dispatch=True)
-def primitive_surface(kind: i32, index: i32, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
-    """At a point of a primitive that this ray has hit: the unit normals of the geometry and for shading; the attribute.
-    """
-    ...
-
-
-@record
-class Surface:
-    """A point that a ray has hit. The normals face the side from which the ray came; `entering`: that is the front."""
-
-    point: vec3
-    geometry: vec3
-    normal: vec3
-    attribute: i32
-    entering: bool
 
 
 @record
@@ -51,28 +44,17 @@ def traced_light(view: View, eye_direction: vec3) -> Traced:
 
 
 @module
-def surface_at(origin: vec3, direction: vec3, t: f32, hit: i32) -> Surface:
-    """The surface where a ray has hit primitive `hit` at t."""
-    point = origin + t * direction
-    geometry, normal, attribute = primitive_surface(hit & 31, hit >> 5, origin, direction, point)
-    entering = dot(geometry, direction) <= 0.0
-    if not entering:
-        geometry = -geometry
-        normal = -normal
-    return Surface(point, geometry, normal, attribute, entering)
+def light_way(light: Light, start: vec3) -> tuple[vec3, f32]:
+    """The unit direction to a light, and how far it is."""
+    if light.kind == DIRECTIONAL:
+        return light.position, NOWHERE
+    way = light.position - start
+    distance = norm(way)
+    return way * reciprocal(distance), distance
 
 
 @module
-def lift(surface: Surface, t: f32) -> vec3:
-    """From the hit point to where rays leave the surface: along its normal, by the error bound of the point."""
-    size = max(max(abs(surface.point.x), abs(surface.point.y)), max(abs(surface.point.z), t))
-    return (size * ROUNDING) * surface.geometry
-
-
-@module
-def direct_light(
-    attribute: Attribute, surface: Surface, start: vec3, direction: vec3, hit: i32
-) -> tuple[vec3, i32]:
+def direct_light(attribute: Attribute, surface: Surface, start: vec3, direction: vec3) -> tuple[vec3, i32]:
     """What all lamps send from a surface towards the viewer, and how many shadow rays that took.
 
     A lamp behind the surface gets no shadow ray.
@@ -81,12 +63,10 @@ def direct_light(
     rays = 0
     for n in range(len(lights)):
         light = lights[n]
-        way = light.position - start
-        distance = norm(way)
-        to_light = way * reciprocal(distance)
+        to_light, distance = light_way(light, start)
         if dot(surface.normal, to_light) > 0.0:
             rays += 1
-            if not shadow_intersection(start, to_light, hit, distance):
+            if not is_blocked(start, to_light, surface.code, distance):
                 luminance = luminance + shading(attribute, surface.normal, direction, to_light, light.colour)
     return luminance, rays
 

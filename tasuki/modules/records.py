@@ -5,7 +5,7 @@ indices into it. Words that the paper leaves free carry our additions: flags, th
 linear term.
 """
 
-from tasuki.language import Table, f32, i32, record, vec3
+from tasuki.language import Table, f32, i32, mat4, record, vec3
 
 TWO_SIDED = 1
 """Flag: the surface shows from both sides; without it only from outside (n.d < 0)."""
@@ -15,6 +15,13 @@ INSIDE_ONLY = 2
 
 SPHERE = 4
 """Flag of a quadric: Q is the unit matrix and there is no linear term."""
+UNION = 8
+"""Flag of an object, and of a token: its operation is a union."""
+
+
+POINT = 0
+DIRECTIONAL = 1
+"""Kinds of lights."""
 
 
 LEAF_SHIFT = 3
@@ -103,8 +110,68 @@ class Quad:
 
 
 @record
+class Object:
+    """Primitives combined by set operations: tokens `first` .. `end` - 1 are the formula, the box its bounds.
+
+    `attribute` is the medium inside. Flag UNION: the formula's outermost operation is a union, else an intersection.
+    """
+
+    kind: i32
+    attribute: i32
+    matrix: i32
+    flags: i32
+    low: vec3
+    first: i32
+    high: vec3
+    end: i32
+
+
+@record
+class Token:
+    """One token of a formula; see `tasuki.modules.formula` for how they are read.
+
+    `operand`: the code of a literal's surface, or the index of bounds (-1: none). `skip` is the row that is read next
+    where this token settles what follows. `rank` tells literals in the order in which they were written; `ranked` is
+    the row of the literal whose rank is this token's place in its formula.
+    """
+
+    operator: i32
+    operand: i32
+    skip: i32
+    rank: i32
+    attribute: i32
+    matrix: i32
+    ranked: i32
+
+
+@record
+class Bounds:
+    """The box around a part of a formula."""
+
+    low: vec3
+    high: vec3
+
+
+@record
+class Matrix:
+    """From the coordinates in memory to local ones: a point is (x, y, z, 1) @ `m`."""
+
+    m: mat4
+
+
+@record
+class Medium:
+    """A transparent solid that meets others: its code, and the box around it."""
+
+    low: vec3
+    code: i32
+    high: vec3
+    attribute: i32
+
+
+@record
 class Attribute:
-    """What a surface is made of (paper, Figure 8)."""
+    """What a surface is made of (paper, Figure 8). `texture` is a texture's index * 32 + its kind, or -1."""
 
     colour: vec3
     flags: i32
@@ -115,12 +182,13 @@ class Attribute:
     reflection: f32
     transmission: f32
     index: f32
+    texture: i32
     transmittance: vec3
 
 
 @record
 class Light:
-    """A point light."""
+    """A light. `position` is where a POINT light is, and the unit vector to a DIRECTIONAL one."""
 
     position: vec3
     kind: i32
@@ -198,6 +266,11 @@ quadrics = Table(Quadric)
 cones = Table(Cone)
 triangles = Table(Triangle)
 quads = Table(Quad)
+objects = Table(Object)
+tokens = Table(Token)
+bounds = Table(Bounds)
+matrices = Table(Matrix)
+media = Table(Medium)
 attributes = Table(Attribute)
 lights = Table(Light)
 views = Table(View)

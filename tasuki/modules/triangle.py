@@ -30,14 +30,14 @@ def triangle_hit(triangle: Triangle, origin: vec3, direction: vec3, leaving: boo
 
 
 @module
-def triangle_surface(triangle: Triangle, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32]:
+def triangle_surface(triangle: Triangle, origin: vec3, direction: vec3, point: vec3) -> tuple[vec3, vec3, i32, i32]:
     """The normal of the plane, that interpolated between the corners, and the attribute."""
     u, v, w = corner_weights(triangle, origin, direction)
     flat = normalize(cross(triangle.b - triangle.a, triangle.c - triangle.a))
     blended = u * triangle.normal_a + v * triangle.normal_b + w * triangle.normal_c
     total = u + v + w
     smooth = normalize(select(total < 0.0, -blended, blended))
-    return flat, smooth, triangle.attribute
+    return flat, smooth, triangle.attribute, triangle.matrix
 
 
 @module

@@ -30,7 +30,7 @@ class RenderOptions:
 
     `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0:
     one for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
-    `machine`: "cpu" or "python".
+    `machine`: "cpu" or "python". `accelerator`: one of `tasuki.renderers.accelerators`.
     """
 
     width: int = 512
@@ -42,6 +42,7 @@ class RenderOptions:
     unchecked: bool = False
     profile: bool = False
     machine: str = "cpu"
+    accelerator: str = "bvh"
 
     def __post_init__(self) -> None:
         for name, least, most in (

@@ -11,19 +11,18 @@ from typing import Any
 import numpy as np
 
 from tasuki.ir.memory import MemoryTable
-from tasuki.language.declare import Case, Module
+from tasuki.language.declare import Module
 from tasuki.machines.cpu.machine import Executable, Items, Number
 from tasuki.modules import records as rec
 from tasuki.modules.initialise import initialise_object
-from tasuki.modules.light_paths import trace_mirrors, trace_tree
-from tasuki.modules.shading import diffuse_and_highlight
+from tasuki.modules.search import OBJECT
 from tasuki.programs import Filler, Options, executable
-from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind
+from tasuki.renderers.accelerators import Accelerator, lookup
+from tasuki.renderers.fillers import Traits, default_fillers
+from tasuki.scene.kinds import PrimitiveKind
 from tasuki.scene.model import Scene
-from tasuki.scene.pack import pack
+from tasuki.scene.pack import Packed, pack
 
-FILLED = {"primitive_hit": "hit", "primitive_surface": "surface", "primitive_bounds": "box"}
-"""Dispatch sockets, and the role of the module of each primitive kind that fills them."""
 UNBOUNDED = 1e29
 """Coordinates from here on are those of boxes without bounds."""
 
@@ -31,17 +30,18 @@ UNBOUNDED = 1e29
 class PreparedScene:
     """A scene in memory, with the table "boxes" filled.
 
-    `tables`, given the number of primitives, says which tables to add: (record, count) by name. `modules` fills sockets
-    by name, in the place of ours; they run with checked accesses unless `unchecked`. `profile`: programs are compiled
-    to time modules. Raises SceneError, SourceError or LinkError.
+    `tables`, given the packed scene, says which tables to add: arrays, or (record, count), by name. `modules` fills
+    sockets by name, in the place of ours; they run with checked accesses unless `unchecked`. `profile`: programs are
+    compiled to time modules. Raises SceneError, SourceError or LinkError.
     """
 
     def __init__(
         self,
         scene: Scene,
-        tables: Callable[[int], Mapping[str, tuple[Any, int]]] = lambda primitives: {},
+        tables: Callable[[Packed], Mapping[str, Any]] = lambda packed: {},
         modules: Mapping[str, Module] | None = None,
         *,
+        accelerator: Accelerator | None = None,
         unchecked: bool = False,
         profile: bool = False,
     ) -> None:
@@ -50,21 +50,25 @@ class PreparedScene:
         # Modules that come with the package may run unchecked: their tables were verified when they were packed.
         self.checked = bool(self.modules) and not unchecked
         self.profile = profile
-        self.primitives = sum(self.packed.counts.values())
         builder = self.packed.builder
-        builder.add("boxes", (rec.Box, self.primitives))
-        for name, content in tables(self.primitives).items():
+        builder.add("boxes", (rec.Box, self.packed.things))
+        for name, content in tables(self.packed).items():
             builder.add(name, content)
         self.memory = self.packed.build()
-        self.kinds = [kind.narrowed(self.memory.table(kind.table_name)) for kind in self.packed.kinds]
-        self.transparent = bool((self.memory.table("attributes")["transmission"] > 0.0).any())
+        self.accelerator = accelerator or lookup("bvh")
+        self.traits = Traits(
+            [one.kind.narrowed(one.records) for one in self.packed.primitives],
+            self.packed.operands,
+            transparent=bool((self.memory.table("attributes")["transmission"] > 0.0).any()),
+            nested=bool(len(self.memory.table("media"))),
+        )
         self._initialise_objects()
 
     def _initialise_objects(self) -> None:
-        if self.primitives:
-            codes, costs = primitive_codes(self.kinds, self.packed.counts)
+        if self.packed.things:
+            codes, costs = codes_and_costs(self.traits.standing, self.packed)
             program = self.compile(initialise_object, "number", "items", "items")
-            program.run([Number(), Items([codes]), Items([costs])], self.primitives, tables=self.tables())
+            program.run([Number(), Items([codes]), Items([costs])], self.packed.things, tables=self.tables())
 
     def compile(self, entry: Module, *bindings: str) -> Executable:
         """The program of `entry`, its sockets filled; `bindings` says how items reach its parameters."""
@@ -73,7 +77,7 @@ class PreparedScene:
 
     def fillers(self) -> dict[str, Filler]:
         """What fills every socket: the user's modules, else ours; and for each primitive kind in use its own."""
-        return default_fillers(self.kinds, self.transparent) | self.modules
+        return default_fillers(self.traits, self.accelerator) | self.modules
 
     def tables(self) -> dict[str, MemoryTable]:
         """Every table of the memory, by name."""
@@ -93,22 +97,10 @@ class PreparedScene:
         return low + self.packed.origin, high + self.packed.origin
 
 
-def default_fillers(kinds: Sequence[PrimitiveKind], transparent: bool = True) -> dict[str, Filler]:
-    """What fills the sockets of the ray tracer by default; dispatch sockets with cases for `kinds`.
-
-    `transparent`: whether anything in the scene lets light through.
-    """
-    paths = trace_tree if transparent else trace_mirrors
-    filled: dict[str, Filler] = {"shading": diffuse_and_highlight, "traced_light": paths}
-    for socket, role in FILLED.items():
-        filled[socket] = [
-            Case(kind.number, kind.resolve(role), kind.resolve("table"), kind.table_name) for kind in kinds
-        ]
-    return filled
-
-
-def primitive_codes(kinds: Sequence[PrimitiveKind], counts: Mapping[str, int]) -> tuple[np.ndarray, np.ndarray]:
-    """index * 32 + kind of every primitive, int32; and what each costs to intersect, float32."""
-    codes = [np.arange(counts[kind.name], dtype=np.int32) * MOST_KINDS + kind.number for kind in kinds]
-    costs = [np.full(counts[kind.name], kind.cost, np.float32) for kind in kinds]
-    return np.concatenate([np.zeros(0, np.int32), *codes]), np.concatenate([np.zeros(0, np.float32), *costs])
+def codes_and_costs(kinds: Sequence[PrimitiveKind], packed: Packed) -> tuple[np.ndarray, np.ndarray]:
+    """index * 32 + kind of every thing in the scene, int32; and what each costs to intersect, float32."""
+    sizes = [(packed.counts[kind.name], kind.number, np.float32(kind.cost)) for kind in kinds]
+    sizes.append((len(packed.object_costs), OBJECT, packed.object_costs))
+    codes = [np.arange(count, dtype=np.int32) * 32 + number for count, number, _ in sizes]
+    costs = [np.broadcast_to(cost, count) for count, _, cost in sizes]
+    return np.concatenate(codes), np.concatenate(costs).astype(np.float32)

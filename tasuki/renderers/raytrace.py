@@ -11,16 +11,17 @@ import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.language.declare import Module
+from tasuki.language.link import reached_sockets
 from tasuki.machines.cpu.machine import Items, Progress, Same
-from tasuki.modules import bvh_build, raytrace
+from tasuki.modules import raytrace
 from tasuki.modules import records as rec
-from tasuki.modules.bvh import primitive_hit
 from tasuki.modules.light_paths import DEEPEST
-from tasuki.modules.shading import shading
 from tasuki.programs import REPORT, Options, executable
+from tasuki.renderers.accelerators import lookup
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.prepared import UNBOUNDED, PreparedScene
 from tasuki.scene.model import Scene
+from tasuki.scene.pack import Packed
 
 ERROR_BOUND = 2.0**-21
 """Of the fused slab test, relative to the largest coordinate: roundings of 2**-24 on distances of twice that size."""
@@ -28,9 +29,6 @@ TILE = 4
 """Pixels along the side of a tile: the 16 pixels of a tile travel together in a packet of 16 lanes."""
 CHUNK_TILES = 16
 """Tiles that a thread takes at a time; with more samples fewer, since threads stop for Ctrl-C between chunks only."""
-
-SOCKETS = (shading, primitive_hit, raytrace.primitive_surface, raytrace.traced_light)
-"""What a machine without a linker must fill before it traces."""
 
 
 class RayTracer:
@@ -45,31 +43,37 @@ class RayTracer:
         self.seconds: dict[str, float] = {}
         compiling = REPORT.seconds
         started = perf_counter()
+        self.accelerator = lookup(options.accelerator)
         self.prepared = PreparedScene(
-            scene, self._tables, modules, unchecked=options.unchecked, profile=options.profile
+            scene,
+            self._tables,
+            modules,
+            accelerator=self.accelerator,
+            unchecked=options.unchecked,
+            profile=options.profile,
         )
         self.memory = self.prepared.memory
         self._check_depth()
         self._fill_view()
-        self.nodes = self._build_bvh()
+        self.nodes = self._build_accelerator()
         # Compiling the builder is no part of building: a second scene would not wait for it.
         self.seconds["build"] = perf_counter() - started - (REPORT.seconds - compiling)
         self.program = self.prepared.compile(raytrace.trace_pixel, "items")
 
     # --- making ready -------------------------------------------------------------------------------------------------
 
-    def _tables(self, primitives: int) -> dict[str, tuple[Any, int]]:
+    def _tables(self, packed: Packed) -> dict[str, Any]:
         """What tracing needs beside the scene."""
         pixels = self.options.region.width * self.options.region.height
         return {
+            **self.accelerator.tables(packed),
             "views": (rec.View, 1),
-            "bvh_nodes": (rec.BVHNode, max(1, primitives - 1) if primitives else 0),
             "picture": (rec.Pixel, pixels),
             "ray_counts": (rec.RayCounts, pixels),
         }
 
     def _check_depth(self) -> None:
-        if self.prepared.transparent and self.options.depth > DEEPEST:
+        if self.prepared.traits.transparent and self.options.depth > DEEPEST:
             message = "a scene with transparent materials cannot be traced to this depth"
             raise SceneError(str(Diagnostic(message, expected=f"1 to {DEEPEST}", found=str(self.options.depth))))
 
@@ -88,12 +92,14 @@ class RayTracer:
         view["region_x"], view["region_y"] = region.x, region.y
         view["region_width"], view["region_height"] = region.width, region.height
 
-    def _build_bvh(self) -> int:
-        """Fill the table "bvh_nodes", and sort "boxes" by it; the number of nodes."""
+    def _build_accelerator(self) -> int:
+        """Fill the tables of the accelerator; the number of its nodes."""
         boxes = self.memory.table("boxes")
         corners = np.concatenate([boxes["low"], boxes["high"], self.memory.table("views")["eye"]])
         size = np.abs(corners[np.abs(corners) < UNBOUNDED]).max(initial=0.0)
-        builder = executable(bvh_build.build_bvh, Options(("same", "same"), width=1, checked=False))
+        if self.accelerator.build is None:
+            return 0
+        builder = executable(self.accelerator.resolve("build"), Options(("same", "same"), width=1, checked=False))
         arguments = [Same([len(boxes)]), Same([float(size) * ERROR_BOUND])]
         return int(builder.run(arguments, 1, tables=self.prepared.tables())[0][0])
 
@@ -136,8 +142,8 @@ class RayTracer:
         fillers = self.prepared.fillers()
         with ExitStack() as stack:
             stack.enter_context(tables(self.prepared.tables()))
-            for socket in SOCKETS:
-                stack.enter_context(socket.filled(fillers[socket.name]))
+            for name, socket in reached_sockets(raytrace.trace_pixel, fillers).items():
+                stack.enter_context(socket.filled(fillers[name]))
             for number, place in enumerate(places.tolist()):
                 raytrace.trace_pixel(place)
                 if progress:

@@ -158,7 +158,7 @@ def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
     from tasuki.language.link import mismatch, reached_sockets
     from tasuki.language.load import resolve_module
     from tasuki.modules.raytrace import trace_pixel
-    from tasuki.renderers.prepared import default_fillers
+    from tasuki.renderers.fillers import Traits, default_fillers
     from tasuki.scene.kinds import kinds
 
     modules = {name: resolve_module(one) if isinstance(one, str) else one for name, one in given.items()}
@@ -166,7 +166,7 @@ def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
         if not isinstance(one, Module):
             expected = "a module, or FILE.py:NAME"
             raise LinkError(str(Diagnostic(f"this cannot fill socket `{name}`", expected=expected, found=repr(one))))
-    sockets = reached_sockets(trace_pixel, default_fillers(kinds()) | modules)
+    sockets = reached_sockets(trace_pixel, default_fillers(Traits.of_all(kinds())) | modules)
     fillable = ", ".join(sorted(name for name, socket in sockets.items() if not socket.dispatch))
     problems: list[Diagnostic] = []
     for name, module in modules.items():
@@ -252,12 +252,17 @@ def _machine(tracer: RayTracer) -> dict[str, Any]:
 
 def _modules(tracer: RayTracer) -> list[dict[str, Any]]:
     """The modules that filled sockets, and the kind of primitive where there is one for each."""
+    from tasuki.modules.search import OBJECT
+    from tasuki.scene.kinds import kinds
+
     rows = []
+    names = {kind.number: kind.name for kind in kinds()} | {OBJECT: "object"}
     for socket, filler in sorted(tracer.prepared.fillers().items()):
-        kinds = tracer.prepared.kinds if isinstance(filler, Sequence) else [None]
-        modules = [case.module for case in filler] if isinstance(filler, Sequence) else [filler]
-        for kind, module in zip(kinds, modules, strict=True):
-            row = {"socket": socket, "kind": kind.name if kind else None, "name": module.name, "file": module.file}
+        cases = filler if isinstance(filler, Sequence) else [None]
+        for case in cases:
+            module = case.module if case else filler
+            kind = names.get(case.number) if case else None
+            row = {"socket": socket, "kind": kind, "name": module.name, "file": module.file}
             rows.append({"number": module.number, "method": module.method, **row})
     return rows
 

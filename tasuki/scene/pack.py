@@ -39,6 +39,8 @@ class Packed:
     scene: Scene
     origin: np.ndarray
     primitives: tuple[Primitives, ...]
+    operands: tuple[PrimitiveKind, ...]
+    object_costs: np.ndarray
     builder: MemoryBuilder
 
     @property
@@ -50,6 +52,11 @@ class Packed:
     def counts(self) -> Mapping[str, int]:
         """Number of primitives by the name of their kind."""
         return {one.kind.name: len(one.records) for one in self.primitives}
+
+    @property
+    def things(self) -> int:
+        """What a ray may hit: primitives and objects."""
+        return sum(self.counts.values()) + len(self.object_costs)
 
     def build(self) -> Memory:
         """The memory with all tables that `builder` has by now."""
@@ -76,7 +83,9 @@ def pack(scene: Scene) -> Packed:
     _verify_size(scene)
     builder.add("attributes", _verified("material", _attributes(scene)))
     builder.add("lights", _verified("light", _lights(scene, origin)))
-    return Packed(scene, origin, primitives, builder)
+    builder.add("matrices", np.zeros(0, _dtype("Matrix")))
+    builder.add("media", np.zeros(0, _dtype("Medium")))
+    return Packed(scene, origin, primitives, (), np.zeros(0, np.float32), builder)
 
 
 def _attributes(scene: Scene) -> np.ndarray:
@@ -85,12 +94,13 @@ def _attributes(scene: Scene) -> np.ndarray:
     records = np.zeros(len(materials), _dtype("Attribute"))
     intensity = default_intensity(len(scene.lights))
     with np.errstate(over="ignore"):
-        for name in set(records.dtype.names or ()) - {"flags", "ambient"}:
+        for name in set(records.dtype.names or ()) - {"flags", "ambient", "texture"}:
             values = np.array([getattr(material, name) for material in materials], np.float64)
             records[name] = values.reshape(records[name].shape)
         records["ambient"] = [
             material.diffuse * intensity if material.ambient is None else material.ambient for material in materials
         ]
+    records["texture"] = -1
     records["flags"] = [TWO_SIDED if material.shows_both_sides() else 0 for material in materials]
     return records
 

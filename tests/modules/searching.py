@@ -10,11 +10,13 @@ import numpy as np
 from tasuki.mapping import map_module
 from tasuki.modules import bvh, bvh_build, initialise
 from tasuki.modules import records as rec
-from tasuki.renderers.prepared import default_fillers, primitive_codes
+from tasuki.modules.search import NOTHING
+from tasuki.renderers.fillers import Traits, default_fillers
 from tasuki.renderers.raytrace import ERROR_BOUND
 from tasuki.scene.kinds import kinds
 from tests.modules.running import records
 
+FILLERS = default_fillers(Traits(kinds(), nested=False))
 NUMBERS = {kind.name: kind.number for kind in kinds()}
 
 
@@ -38,34 +40,34 @@ class Scene:
     def of(cls, *, reach: float = 10.0, **primitives: np.ndarray) -> Scene:
         """`reach`: how far from 0 rays may begin."""
         counts = {kind.name: len(primitives.get(kind.name, ())) for kind in kinds()}
-        codes, costs = primitive_codes(kinds(), counts)
+        codes = np.concatenate([np.arange(counts[kind.name], dtype=np.int32) * 32 + kind.number for kind in kinds()])
+        costs = np.concatenate([np.full(counts[kind.name], kind.cost, np.float32) for kind in kinds()])
         tables = {kind.table_name: primitives.get(kind.name, records(kind.record, 0)) for kind in kinds()}
         boxes = records(rec.Box, len(codes))
-        fill = default_fillers(kinds())
         if len(codes):
             items = np.arange(len(codes), dtype=np.int32)
             given = {**tables, "boxes": boxes}
-            map_module(initialise.initialise_object, items, codes, costs, fill=fill, tables=given)
+            map_module(initialise.initialise_object, items, codes, costs, fill=FILLERS, tables=given)
         finite = np.concatenate([boxes["low"], boxes["high"]])
         scale = np.abs(finite[np.abs(finite) < 1e29]).max(initial=reach)
         nodes, boxes = build_over(boxes, scale * ERROR_BOUND)
         return cls(primitives, {**tables, "boxes": boxes, "bvh_nodes": nodes})
 
-    def nearest(self, origin: np.ndarray, direction: np.ndarray, left: Any = bvh.NOTHING, **options: Any) -> Any:
+    def nearest(self, origin: np.ndarray, direction: np.ndarray, left: Any = NOTHING, **options: Any) -> Any:
         left = np.broadcast_to(np.int32(left), len(origin))
         return self._search(bvh.nearest_intersection, origin, direction, left, **options)
 
-    def shadow(self, origin: np.ndarray, direction: np.ndarray, distance: Any, left: Any = bvh.NOTHING, **options: Any):
+    def shadow(self, origin: np.ndarray, direction: np.ndarray, distance: Any, left: Any = NOTHING, **options: Any):
         left = np.broadcast_to(np.int32(left), len(origin))
         return self._search(bvh.shadow_intersection, origin, direction, left, distance, **options)
 
     def _search(self, module: Any, *arguments: Any, **options: Any) -> Any:
-        return map_module(module, *arguments, fill=default_fillers(kinds()), tables=self.tables, **options)
+        return map_module(module, *arguments, fill=FILLERS, tables=self.tables, **options)
 
-    def nearest_of_all(self, origin: np.ndarray, direction: np.ndarray, left: Any = bvh.NOTHING) -> Any:
+    def nearest_of_all(self, origin: np.ndarray, direction: np.ndarray, left: Any = NOTHING) -> Any:
         """What `nearest` must give, by trying every primitive."""
         nearest = np.full(len(origin), np.inf, np.float32)
-        hit = np.full(len(origin), bvh.NOTHING, np.int32)
+        hit = np.full(len(origin), NOTHING, np.int32)
         left = np.broadcast_to(np.int32(left), len(origin))
         by_name = {kind.name: kind for kind in kinds()}
         for name, rows in self.primitives.items():

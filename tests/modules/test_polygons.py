@@ -64,7 +64,7 @@ def test_smooth_normals_are_weighted_by_where_the_ray_passes():
     aim = sum(weights[:, k, None] * given[name] for k, name in enumerate("abc"))
     direction = unit(aim - origin)
     point = aim.astype(np.float32)
-    flat, smooth, attribute = everywhere(triangle.triangle_surface, given, origin, direction, point)
+    flat, smooth, attribute, _ = everywhere(triangle.triangle_surface, given, origin, direction, point)
     normal = np.cross(given["b"] - given["a"], given["c"] - given["a"])
     fair = (np.abs(dot(normal, direction)) > 0.05) & (np.linalg.norm(aim - origin, axis=-1) > 0.1)
     expected = sum(weights[:, k, None] * given[f"normal_{name}"] for k, name in enumerate("abc"))
@@ -127,7 +127,7 @@ def test_quadrilaterals_are_two_triangles():
     met = fair & np.isfinite(hit)
     assert met.sum() > COUNT / 4
     np.testing.assert_allclose(hit[met], both[met], atol=2e-4)
-    flat, smooth, _ = everywhere(quad.quad_surface, given, origin, direction, point_at(origin, direction, both))
+    flat, smooth, _, _ = everywhere(quad.quad_surface, given, origin, direction, point_at(origin, direction, both))
     assert np.abs(np.abs(dot(flat, normal)) / size - 1)[met].max() < 1e-5
     assert np.abs(dot(smooth, normal) / size - 1)[met].max() < 1e-5
 

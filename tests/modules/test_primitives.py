@@ -267,7 +267,7 @@ def test_normals_of_quadrics_are_unit_and_point_out():
         enter, _ = map_module(quadric.quadric_intersection, given, origin, direction, np.zeros(COUNT, bool))
         met = np.isfinite(enter) & (np.abs(enter) < 30)
         point = point_at(origin, direction, np.where(met, enter, 0)).astype(np.float32)
-        geometry, shading, attribute = everywhere(quadric.quadric_surface, given, origin, direction, point)
+        geometry, shading, attribute, _ = everywhere(quadric.quadric_surface, given, origin, direction, point)
         np.testing.assert_array_equal(geometry, shading)
         np.testing.assert_array_equal(attribute, given["attribute"])
         gradient = gradient_of(given, point.astype(np.float64))
@@ -328,7 +328,7 @@ def test_crossings_of_cones():
         met = np.isfinite(t)
         point = point_at(origin, direction, np.where(met, t, 0))
         height, aside, radius = cone_terms(given, point)
-        normal, _, attribute = map_module(cone.cone_surface, given, origin, direction, point.astype(np.float32))
+        normal, _, attribute, _ = map_module(cone.cone_surface, given, origin, direction, point.astype(np.float32))
         steepness = np.abs(dot(normal, direction))
         fair = met & (steepness > 2e-2) & (aside > 1e-2)
         assert (np.abs(aside - radius) * steepness < 300 * EPSILON * (np.abs(t) + 10))[fair].all()
@@ -351,7 +351,7 @@ def test_rays_that_leave_a_cone_meet_nothing_at_once():
     radius = given["radius"] + given["slope"] * height
     surface = (given["base"] + height[:, None] * given["axis"] + radius[:, None] * across).astype(np.float32)
     enter, leave = everywhere(cone.cone_intersection, given, surface, direction, np.ones(COUNT, bool))
-    normal, _, _ = map_module(cone.cone_surface, given, surface, direction, surface)
+    normal, _, _, _ = map_module(cone.cone_surface, given, surface, direction, surface)
     # Along a straight line in the surface there is no crossing.
     across = np.abs(dot(normal, direction)) > 1e-5
     assert ((enter == 0) | (leave == 0))[across].all()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tasuki.modules import bvh
+from tasuki.modules import bvh, slabs
 from tasuki.modules import records as rec
 from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, TWO_SIDED
+from tasuki.modules.search import NOTHING
 from tests.machines.running import WIDTHS, assert_same_bits
 from tests.modules.primitives import cones, planes, quads, random_quadrics, rays, spheres, triangles
 from tests.modules.running import dot, everywhere, random_directions, records, unit
@@ -44,10 +45,10 @@ def test_no_ray_that_meets_a_box_misses_it_when_it_is_widened():
     direction[1::11] = draw.permuted(np.tile([1.0, 0.0, -0.0], (len(direction[1::11]), 1)), axis=1)
     origin[1::11] = (aim - 7 * direction)[1::11]
     slack = np.float32(12 * 2.0**-21)
-    inverse = np.stack([everywhere(bvh.slab_reciprocal, direction[:, axis].copy()) for axis in range(3)], axis=-1)
+    inverse = np.stack([everywhere(slabs.slab_reciprocal, direction[:, axis].copy()) for axis in range(3)], axis=-1)
     shifted = -(origin * inverse)
     boxes = low - slack, high + slack
-    enter, leave = everywhere(bvh.slab_entry, *boxes, inverse, shifted, np.full(count, np.inf, np.float32))
+    enter, leave = everywhere(slabs.slab_entry, *boxes, inverse, shifted, np.full(count, np.inf, np.float32))
     meets = exact_slab(low.astype(np.float64), high.astype(np.float64), origin, direction)
     assert meets.mean() > 0.5
     assert (enter <= leave)[meets].all()
@@ -62,15 +63,15 @@ def test_slabs_beyond_the_far_end_or_behind_are_missed():
     low, high = np.array([[4.0, -1, -1]] * 4, np.float32), np.array([[6.0, 1, 1]] * 4, np.float32)
     inverse, shifted = np.float32([1, 1e20, 1e20]), np.zeros(3, np.float32)
     far = np.float32([3.99, 4.0, 5.0, np.inf])
-    enter, leave = everywhere(bvh.slab_entry, low, high, inverse, shifted, far)
+    enter, leave = everywhere(slabs.slab_entry, low, high, inverse, shifted, far)
     np.testing.assert_array_equal(enter <= leave, [False, True, True, True])
-    enter, leave = everywhere(bvh.slab_entry, -high, -low, inverse, shifted, far)
+    enter, leave = everywhere(slabs.slab_entry, -high, -low, inverse, shifted, far)
     assert not (enter <= leave).any()
 
 
 def test_slab_reciprocals_are_finite():
     x = np.array([0, -0.0, 1e-45, -1e-45, 1e-20, -1e-20, 1, -0.5, 1e-30], np.float32)
-    found = everywhere(bvh.slab_reciprocal, x)
+    found = everywhere(slabs.slab_reciprocal, x)
     assert np.isfinite(found).all()
     np.testing.assert_array_equal(np.signbit(found), np.signbit(x))
 
@@ -226,7 +227,7 @@ def test_rays_that_leave_a_primitive(mixed):
     """From each hit onwards: the primitive just left is known by its code."""
     origin, direction = rays(51, 3001, 8.0)
     t, hit = mixed.nearest(origin, direction)
-    there = hit != bvh.NOTHING
+    there = hit != NOTHING
     start = (origin + np.where(there, t, 0)[:, None] * direction)[there]
     onwards = random_directions(np.random.default_rng(52), len(start))
     found = mixed.nearest(start, onwards, hit[there])
@@ -239,7 +240,7 @@ def test_shadows_are_cast_by_what_is_nearer_than_the_lamp(mixed):
     distance = np.random.default_rng(54).uniform(0, 12, len(origin)).astype(np.float32)
     distance[::5] = nearest[::5]
     distance[1::5] = np.nextafter(nearest[1::5], np.float32(np.inf))
-    left = np.where(np.arange(len(origin)) % 2 == 0, bvh.NOTHING, 5).astype(np.int32)
+    left = np.where(np.arange(len(origin)) % 2 == 0, NOTHING, 5).astype(np.int32)
     expected, _ = mixed.nearest_of_all(origin, direction, left)
     np.testing.assert_array_equal(mixed.shadow(origin, direction, distance, left), expected < distance)
 
@@ -251,7 +252,7 @@ def test_any_grouping_of_lanes_gives_the_same_bits(mixed):
     order = np.random.default_rng(56).permutation(len(origin))
     back = np.argsort(order)
     distance = np.full(len(origin), 5.0, np.float32)
-    left = np.where(np.arange(len(origin)) % 3 == 0, 3 * 32 + NUMBERS["triangle"], bvh.NOTHING).astype(np.int32)
+    left = np.where(np.arange(len(origin)) % 3 == 0, 3 * 32 + NUMBERS["triangle"], NOTHING).astype(np.int32)
     expected = mixed.nearest(origin, direction, left, width=1)
     shadowed = mixed.shadow(origin, direction, distance, left, width=1)
     for width in WIDTHS:
@@ -284,7 +285,7 @@ def test_the_order_of_the_primitives_does_not_show(mixed):
     np.testing.assert_array_equal(other_t, t)
     # The same record was hit, if not the same row: some stand twice.
     for name, rows in mixed.primitives.items():
-        mine = (hit & 31 == NUMBERS[name]) & (hit != bvh.NOTHING)
+        mine = (hit & 31 == NUMBERS[name]) & (hit != NOTHING)
         there = permuted.primitives[name][other_hit[mine] >> 5]
         np.testing.assert_array_equal(rows[hit[mine] >> 5], there)
 
@@ -299,9 +300,9 @@ def test_of_coincident_primitives_the_lower_code_is_hit():
         _, hit = scene.nearest(origin, unit(aim - origin), width=width)
         on_triangle = hit & 31 == NUMBERS["triangle"]
         assert on_triangle.sum() > 100
-        assert (hit[on_triangle & (hit != bvh.NOTHING)] >> 5 == 0).all()
+        assert (hit[on_triangle & (hit != NOTHING)] >> 5 == 0).all()
         _, hit = scene.nearest(origin, unit(balls[0]["centre"] - origin), width=width)
-        on_ball = (hit & 31 == NUMBERS["quadric"]) & (hit != bvh.NOTHING)
+        on_ball = (hit & 31 == NUMBERS["quadric"]) & (hit != NOTHING)
         assert on_ball.sum() > 100
         assert (hit[on_ball] >> 5 == 0).all()
 
@@ -311,7 +312,7 @@ def test_an_empty_scene_is_never_hit():
     origin, direction = rays(63, 50)
     t, hit = scene.nearest(origin, direction)
     assert np.isinf(t).all()
-    assert (hit == bvh.NOTHING).all()
+    assert (hit == NOTHING).all()
     assert not scene.shadow(origin, direction, np.full(50, np.inf, np.float32)).any()
 
 
@@ -371,7 +372,7 @@ def test_no_ray_slips_through_a_mesh(rings, distance):
         passes = np.linalg.norm(np.cross(middle - origin, direction.astype(np.float64)), axis=1) < 1.6
         for width in (1, 16):
             _, hit = scene.nearest(origin, direction, width=width)
-            assert (hit != bvh.NOTHING)[passes].all()
+            assert (hit != NOTHING)[passes].all()
             assert scene.shadow(origin, direction, np.full(count, np.inf, np.float32), width=width)[passes].all()
         assert passes.sum() > count / 3
     assert len(corners) == (rings - 1) * 2 * rings
@@ -393,7 +394,7 @@ def test_lanes_do_not_show_on_a_fine_mesh(distance):
     aim[:16_000] = aim[:16_000][np.lexsort(np.round(aim[:16_000] * 4).T)]
     direction = unit(aim - origin)
     expected = scene.nearest(origin, direction, width=1)
-    met = expected[1] != bvh.NOTHING
+    met = expected[1] != NOTHING
     assert met.mean() > 0.3
     for width in WIDTHS[1:]:
         assert_same_bits(scene.nearest(origin, direction, width=width), expected, f"width {width}")

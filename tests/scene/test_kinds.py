@@ -27,7 +27,7 @@ def test_built_in_kinds_name_what_exists():
     for kind in kinds.kinds()[:4]:
         assert kind.table_name == f"{kind.name}s"
         assert kind.record.__name__.lower() == kind.name
-        roles = ["hit", "surface", "box"] + (["inside"] if kind.sort == "solid" else [])
+        roles = ["hit", "surface", "box"] + (["span", "normal", "inside"] if kind.sort == "solid" else [])
         assert all(isinstance(kind.resolve(role), Module) for role in roles)
 
 
@@ -44,8 +44,8 @@ def test_a_new_kind_gets_the_next_number_and_its_modules_are_found_later():
 def test_what_cannot_be_registered():
     with pytest.raises(SceneError, match="there is a primitive kind 'cone' already"):
         register(surface("cone"))
-    solid = PrimitiveKind("torus", "solid", "a:b", "a:b", "a:b", "a:b")
-    with pytest.raises(SceneError, match="a solid has an `inside` module"):
+    solid = PrimitiveKind("torus", "solid", "a:b", "a:b", span="a:b", normal="a:b")
+    with pytest.raises(SceneError, match="(?s)a solid has the modules span, normal, inside, box.*no inside"):
         register(solid)
     for number in range(len(kinds.kinds()), kinds.MOST_KINDS):
         register(surface(f"kind {number}"))

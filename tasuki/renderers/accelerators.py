@@ -1,0 +1,81 @@
+"""The registry of accelerators: how the search for hits is kept short. Used by the renderers, and by files of users.
+
+An accelerator is two modules that search tables, and what fills those tables. The table "boxes" holds, before `build`,
+the bounds, code and cost of every thing in the scene; `build` may put it into another order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tasuki.diagnostics import Diagnostic, SceneError
+from tasuki.modules import records as rec
+from tasuki.scene.kinds import resolve
+from tasuki.scene.pack import Packed
+from tasuki.scene.source import suggestion
+
+Tables = Mapping[str, Any]
+"""Tables by name: (record, count) for zeros, or a structured array."""
+
+
+@dataclass(frozen=True)
+class Accelerator:
+    """`nearest` and `blocked` fill the sockets `nearest_hit` and `is_blocked` (modules 14 and 15).
+
+    `tables` says which tables they need for a packed scene. `build`, if any, is a module that fills them, on one lane:
+    it takes the number of boxes, and by how much boxes must be widened so that no slab test misses what lies in them
+    (f32); it returns the number of nodes. Modules may be given as "package.module:name".
+    """
+
+    name: str
+    nearest: Any
+    blocked: Any
+    tables: Callable[[Packed], Tables]
+    build: Any = None
+
+    def resolve(self, role: str) -> Any:
+        """The object in field `role`, imported where it is given by name."""
+        value = getattr(self, role)
+        return resolve(value) if isinstance(value, str) else value
+
+
+_ACCELERATORS: dict[str, Accelerator] = {}
+
+
+def register(accelerator: Accelerator) -> Accelerator:
+    """Make `accelerator` known. SceneError where there is one of its name."""
+    if accelerator.name in _ACCELERATORS:
+        raise SceneError(str(Diagnostic(f"there is an accelerator {accelerator.name!r} already")))
+    _ACCELERATORS[accelerator.name] = accelerator
+    return accelerator
+
+
+def lookup(name: str) -> Accelerator:
+    """The accelerator named `name`; SceneError, naming those that exist, where there is none."""
+    if name not in _ACCELERATORS:
+        known = list(_ACCELERATORS)
+        message = f"unknown accelerator {name!r}"
+        raise SceneError(str(Diagnostic(message, None, ", ".join(known), repr(name), suggestion(name, known))))
+    return _ACCELERATORS[name]
+
+
+def accelerators() -> tuple[Accelerator, ...]:
+    """All accelerators, in the order in which they were registered."""
+    return tuple(_ACCELERATORS.values())
+
+
+def _bvh_tables(packed: Packed) -> Tables:
+    return {"bvh_nodes": (rec.BVHNode, max(1, packed.things - 1) if packed.things else 0)}
+
+
+register(
+    Accelerator(
+        "bvh",
+        nearest="tasuki.modules.bvh:nearest_intersection",
+        blocked="tasuki.modules.bvh:shadow_intersection",
+        tables=_bvh_tables,
+        build="tasuki.modules.bvh_build:build_bvh",
+    )
+)

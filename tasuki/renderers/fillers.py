@@ -1,0 +1,77 @@
+"""What fills the sockets of the ray tracer: for each kind of primitive its modules, and no more than a scene needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tasuki.language.declare import Case
+from tasuki.modules import records as rec
+from tasuki.modules.light_paths import trace_mirrors, trace_tree
+from tasuki.modules.media import nested_media, own_medium
+from tasuki.modules.objects import facet_of_anything, hit_of_anything, object_bounds
+from tasuki.modules.search import OBJECT, hit_of_primitive
+from tasuki.modules.shading import diffuse_and_highlight
+from tasuki.modules.surface import facet_of_primitive, plain_texture
+from tasuki.programs import Filler
+from tasuki.renderers.accelerators import Accelerator, lookup
+from tasuki.scene.kinds import PrimitiveKind
+
+STANDING = {"primitive_hit": "hit", "primitive_surface": "surface", "primitive_bounds": "box"}
+"""Dispatch sockets, and the role of the module of each kind of primitives, standing alone, that fills them."""
+OPERANDS = {"solid_span": "span", "solid_normal": "normal"}
+"""The same of solids as operands of set operations."""
+FILLED = STANDING | OPERANDS
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What a scene has that asks for modules: kinds of primitives that stand alone, and of operands of objects;
+    whether anything lets light through, and whether such solids meet other things.
+    """
+
+    standing: Sequence[PrimitiveKind]
+    operands: Sequence[PrimitiveKind] = ()
+    transparent: bool = True
+    nested: bool = True
+
+    @classmethod
+    def of_all(cls, kinds: Sequence[PrimitiveKind]) -> Traits:
+        """Of a scene that has everything."""
+        return cls(kinds, kinds)
+
+
+def default_fillers(traits: Traits, accelerator: Accelerator | None = None) -> dict[str, Filler]:
+    """What fills every socket by default."""
+    search = accelerator or lookup("bvh")
+    filled: dict[str, Filler] = {
+        "shading": diffuse_and_highlight,
+        "texture": plain_texture,
+        "traced_light": trace_tree if traits.transparent else trace_mirrors,
+        "media_at": nested_media if traits.nested else own_medium,
+        "nearest_hit": search.resolve("nearest"),
+        "is_blocked": search.resolve("blocked"),
+        "hit_of": hit_of_anything if traits.operands else hit_of_primitive,
+        "facet_of": facet_of_anything if traits.operands else facet_of_primitive,
+    }
+    filled |= {socket: _cases(traits.standing, role) for socket, role in STANDING.items()}
+    filled |= {socket: _cases(_solids(traits), role) for socket, role in OPERANDS.items()}
+    if traits.operands:
+        objects = Case(OBJECT, object_bounds, rec.objects, "objects")
+        filled["primitive_bounds"] = [*_cases(traits.standing, "box"), objects]
+    return filled
+
+
+def _solids(traits: Traits) -> list[PrimitiveKind]:
+    """The kinds of operands; and those that stand alone, since a medium may be one of them."""
+    alone = [kind for kind in traits.standing if kind.sort == "solid"] if traits.nested else []
+    return sorted({kind.number: kind for kind in [*alone, *traits.operands]}.values(), key=lambda kind: kind.number)
+
+
+def _cases(kinds: Sequence[PrimitiveKind], role: str) -> list[Case]:
+    return [
+        Case(kind.number, module, kind.resolve("table"), kind.table_name)
+        for kind in kinds
+        if (module := kind.resolve(role)) is not None
+    ]
+
