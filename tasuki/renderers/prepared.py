@@ -99,8 +99,7 @@ class PreparedScene:
 
 def codes_and_costs(kinds: Sequence[PrimitiveKind], packed: Packed) -> tuple[np.ndarray, np.ndarray]:
     """index * 32 + kind of every thing in the scene, int32; and what each costs to intersect, float32."""
-    sizes = [(packed.counts[kind.name], kind.number, np.float32(kind.cost)) for kind in kinds]
-    sizes.append((len(packed.object_costs), OBJECT, packed.object_costs))
-    codes = [np.arange(count, dtype=np.int32) * 32 + number for count, number, _ in sizes]
-    costs = [np.broadcast_to(cost, count) for count, _, cost in sizes]
-    return np.concatenate(codes), np.concatenate(costs).astype(np.float32)
+    costs = [np.full(packed.counts[kind.name], kind.cost, np.float32) for kind in kinds] + [packed.object_costs]
+    numbers = [kind.number for kind in kinds] + [OBJECT]
+    codes = [np.arange(len(cost), dtype=np.int32) * 32 + number for cost, number in zip(costs, numbers, strict=True)]
+    return np.concatenate(codes), np.concatenate(costs)

@@ -258,10 +258,12 @@ def _modules(tracer: RayTracer) -> list[dict[str, Any]]:
     rows = []
     names = {kind.number: kind.name for kind in kinds()} | {OBJECT: "object"}
     for socket, filler in sorted(tracer.prepared.fillers().items()):
-        cases = filler if isinstance(filler, Sequence) else [None]
-        for case in cases:
-            module = case.module if case else filler
-            kind = names.get(case.number) if case else None
+        pairs: list[tuple[Module, str | None]]
+        if isinstance(filler, Sequence):
+            pairs = [(case.module, names.get(case.number)) for case in filler]
+        else:
+            pairs = [(filler, None)]
+        for module, kind in pairs:
             row = {"socket": socket, "kind": kind, "name": module.name, "file": module.file}
             rows.append({"number": module.number, "method": module.method, **row})
     return rows

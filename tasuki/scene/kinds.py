@@ -135,15 +135,16 @@ def resolve(name: str) -> Any:
 
 def _builtin(name: str, sort: Literal["solid", "surface"], cost: float = 1.0) -> PrimitiveKind:
     modules = f"tasuki.modules.{name}"
-    return PrimitiveKind(
+    kind = PrimitiveKind(
         name=name,
         sort=sort,
         table=f"tasuki.modules.records:{name}s",
         box=f"{modules}:{name}_bounds",
-        **{role: f"{modules}:{name}_{role}" for role in (*SURFACE, *(SOLID if sort == "solid" else ()))},
         cost=cost,
         is_built_in=True,
     )
+    roles: dict[str, Any] = {role: f"{modules}:{name}_{role}" for role in (*SURFACE, *(SOLID * (sort == "solid")))}
+    return replace(kind, **roles)
 
 
 _SPHERES = Narrow("hit", UNIT_MATRIX, "tasuki.modules.quadric:sphere_hit", cost=0.5)
