@@ -4,7 +4,7 @@ I. E. Sutherland and G. W. Hodgman, "Reentrant Polygon Clipping", 1974; before d
 M. E. Newell, "Clipping Using Homogeneous Coordinates", 1978. Points are (x, y, w): x / w and y / w are pixels.
 """
 
-from tasuki.language import Table, array, f32, i32, module, record, vec3
+from tasuki.language import f32, i32, module, vec3
 from tasuki.modules.records import View
 from tasuki.modules.scanline.records import Frame
 
@@ -36,13 +36,6 @@ def outcode(point: vec3, view: View, frame: Frame) -> i32:
         if not distance_inside(point, side, view, frame) >= 0.0:
             code = code | 1 << side
     return code
-
-
-@record
-class Corners:
-    """A convex polygon's corners, in order; the first `count` of eight."""
-
-    count: i32
 
 
 @module

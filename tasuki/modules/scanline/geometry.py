@@ -59,12 +59,10 @@ def homogeneous(position: vec3, view: View, frame: Frame) -> vec3:
 
 
 @module(number=7, method="scanline")
-def perspective(position: vec3, view: View, frame: Frame) -> ScreenVertex:
-    """Where a point within the view, in reference coordinates, stands on the screen."""
-    scale = reciprocal(frame.pixel * position.z)
-    x = position.x * scale + 0.5 * f32(view.width)
-    y = position.y * scale + 0.5 * f32(view.height)
-    return ScreenVertex(fixed(x), fixed(y))
+def perspective(point: vec3) -> ScreenVertex:
+    """Where a homogeneous point within the view stands on the screen."""
+    scale = reciprocal(point.z)
+    return ScreenVertex(fixed(point.x * scale), fixed(point.y * scale))
 
 
 @module
@@ -73,9 +71,9 @@ def transform_vertex(index: i32):
     view = views[0]
     frame = frames[0]
     position = vertex_to_reference(vertices[index].position, frame.reference_from_object)
-    outside = outcode(homogeneous(position, view, frame), view, frame)
-    reference_vertices[index] = ReferenceVertex(position, outside)
-    screen_vertices[index] = perspective(position, view, frame)
+    point = homogeneous(position, view, frame)
+    reference_vertices[index] = ReferenceVertex(position, outcode(point, view, frame))
+    screen_vertices[index] = perspective(point)
 
 
 @module

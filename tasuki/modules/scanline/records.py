@@ -53,12 +53,12 @@ class FaceEdge:
 
 @record
 class Frame:
-    """What one pass over the picture is made with. Modules 1 computes the last three matrices, the host the rest.
+    """What one pass over the picture is made with. Module 1 computes the last three matrices, the host the rest.
 
-    `pixel` is the side of a pixel at distance 1 from the eye. Each pixel is looked at in one point, `sample_x`,
-    `sample_y` subpixels from its upper left corner, which counts with weight `share`. Nothing nearer than `near` shows;
-    nothing is farther away than `far`. A band has 2**band_shift rows; the numbers of the pixels of two rows differ by
-    2**row_shift. `edges` is how many edges the edge table has.
+    `pixel` is the side of a pixel at distance 1 from the eye. In pass `sample` each pixel is looked at in one point,
+    `sample_x`, `sample_y` subpixels from its upper left corner, which counts with weight `share`. Nothing nearer than
+    `near` shows; nothing is farther away than `far`. A band has 2**band_shift rows; the first pixels of neighbouring
+    rows have numbers 2**row_shift apart.
     """
 
     scene_from_object: mat4
@@ -73,7 +73,7 @@ class Frame:
     sample_y: i32
     band_shift: i32
     row_shift: i32
-    edges: i32
+    sample: i32
 
 
 @record

@@ -2,7 +2,7 @@
 
 from tasuki.language import cross, dot, f32, i32, mat4, module, normalize, vec3, vec4
 from tasuki.modules.records import View, lights, views
-from tasuki.modules.scanline.records import Frame, frames, reference_lights
+from tasuki.modules.scanline.records import FrameCounts, Frame, RowBucket, frame_counts, frames, reference_lights, row_buckets
 
 
 @module(number=1, method="scanline")
@@ -38,7 +38,7 @@ def light_to_reference(position: vec3, reference_from_scene: mat4) -> vec3:
 
 @module
 def begin_frame(item: i32):
-    """The frame's matrices, and its lights. Runs on one lane."""
+    """The frame's matrices, its lights, and counts of nothing yet. Runs on one lane."""
     reference_from_scene = reference_matrix(views[0])
     reference_from_object = frames[0].scene_from_object @ reference_from_scene
     frames[0].reference_from_scene = reference_from_scene
@@ -47,6 +47,9 @@ def begin_frame(item: i32):
     for n in range(len(lights)):
         reference_lights[n] = lights[n]
         reference_lights[n].position = light_to_reference(lights[n].position, reference_from_scene)
+    frame_counts[0] = FrameCounts(0, 0)
+    for row in range(views[0].region_height):
+        row_buckets[row] = RowBucket(0, 0, 0)
 
 
 @module
@@ -55,3 +58,9 @@ def sample_direction(view: View, frame: Frame, column: i32, row: i32) -> vec3:
     x = f32(view.region_x + column) + f32(frame.sample_x) / 4096.0 - 0.5 * f32(view.width)
     y = f32(view.region_y + row) + f32(frame.sample_y) / 4096.0 - 0.5 * f32(view.height)
     return vec3(x * frame.pixel, y * frame.pixel, 1.0)
+
+
+@module
+def quads_across(view: View) -> i32:
+    """How many quadruples of pixels a row of the region takes."""
+    return view.region_width + 3 >> 2

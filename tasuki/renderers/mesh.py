@@ -1,0 +1,128 @@
+"""A scene's polygons as one mesh: shared vertices and normals, faces that point to them, edges between two faces.
+
+Found once for a scene, by sorting: what moves from frame to frame is a matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tasuki.diagnostics import Diagnostic, SceneError
+from tasuki.modules import records as rec
+from tasuki.modules.scanline import records as scan
+from tasuki.scene.model import Scene
+from tasuki.scene.shapes import POLYGON, Polygons
+from tasuki.scene.triangulate import triangulate
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Structured arrays of `tasuki.modules.scanline.records`: Vertex, VertexNormal, Face and FaceEdge.
+
+    `shapes` (f,) is the number in the scene of the shape that each face came from.
+    """
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
+    edges: np.ndarray
+    shapes: np.ndarray
+
+
+def mesh_of(scene: Scene, origin: np.ndarray) -> Mesh:
+    """The scene's polygons as triangles; coordinates count from `origin`, (3,) float64.
+
+    SceneError where the scene has other shapes than polygons.
+    """
+    polygons = scene.shapes.polygons
+    others = len(scene.shapes) - len(polygons)
+    if others:
+        message = f"the scanline method draws polygons, and {others} of the scene's {len(scene.shapes)} shapes are none"
+        raise SceneError(str(Diagnostic(message, expected="polygons and patches", found=repr(scene.shapes))))
+    corners, owner = triangulate(polygons)
+    positions, position_of = welded(polygons.points - origin)
+    normals, normal_of = welded(corner_normals(polygons))
+    faces = np.zeros(len(corners), scan.Face.numpy_dtype())
+    for corner, name in enumerate("abc"):
+        faces[name] = position_of[corners[:, corner]]
+        faces[f"normal_{name}"] = normal_of[corners[:, corner]]
+    faces["attribute"] = polygons.material[owner]
+    faces["flags"] = np.where(_two_sided(scene)[owner], rec.TWO_SIDED, 0)
+    return Mesh(
+        _records(scan.Vertex, "position", positions),
+        _records(scan.VertexNormal, "normal", normals),
+        faces,
+        shared_edges(np.stack([faces["a"], faces["b"], faces["c"]], axis=1)),
+        np.flatnonzero(scene.shapes.sorts == POLYGON)[owner],
+    )
+
+
+def corner_normals(polygons: Polygons) -> np.ndarray:
+    """The normal at every point, (m, 3): the face's, of unit length, unless a patch gives one other than zero."""
+    area_vectors = polygons.area_vectors
+    face = area_vectors / np.linalg.norm(area_vectors, axis=1)[:, None]
+    given = (polygons.normals != 0.0).any(axis=1, keepdims=True)
+    return np.where(given, polygons.normals, np.repeat(face, polygons.sizes, axis=0))
+
+
+def _two_sided(scene: Scene) -> np.ndarray:
+    """Which polygons show from both sides, (n,) bool."""
+    polygons = scene.shapes.polygons
+    flat = np.array([material.shows_both_sides() for material in scene.materials], bool)
+    patch = np.array([material.shows_both_sides(smooth=True) for material in scene.materials], bool)
+    return np.where(polygons.smooth, patch[polygons.material], flat[polygons.material])
+
+
+def _records(record: Any, field: str, values: np.ndarray) -> np.ndarray:
+    records = np.zeros(len(values), record.numpy_dtype())
+    records[field] = values
+    return records
+
+
+def welded(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The different rows of (n, 3) numbers, rounded to float32, in the order in which they first appear; and of each
+    given row its number among them, (n,) int32.
+    """
+    # Adding zero makes -0.0 the same as 0.0.
+    rounded = rows.astype(np.float32) + np.float32(0.0)
+    words = np.ascontiguousarray(rounded).view(np.uint32).reshape(-1, 3).astype(np.uint64)
+    order = np.lexsort((words[:, 2], words[:, 0] << np.uint64(32) | words[:, 1]))
+    ordered = words[order]
+    new = np.ones(len(order), bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    # The sort is stable: the first of equal rows is the one that appears first.
+    first = order[new]
+    by_appearance = np.argsort(first)
+    number = np.empty(len(first), np.int32)
+    number[by_appearance] = np.arange(len(first), dtype=np.int32)
+    index = np.empty(len(order), np.int32)
+    index[order] = number[np.cumsum(new) - 1]
+    return rounded[first[by_appearance]], index
+
+
+def shared_edges(corners: np.ndarray) -> np.ndarray:
+    """The edges of triangles with `corners` (n, 3), each once for every two triangles that meet there: FaceEdge records.
+
+    Where three or more meet, they are taken two by two; it does not matter which.
+    """
+    count = len(corners)
+    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    key = low << 32 | high
+    order = np.argsort(key, kind="stable")
+    ordered = key[order]
+    begins = np.ones(len(order), bool)
+    begins[1:] = ordered[1:] != ordered[:-1]
+    start = np.maximum.accumulate(np.where(begins, np.arange(len(order)), 0))
+    leading = np.flatnonzero((np.arange(len(order)) - start) % 2 == 0)
+    paired = np.zeros(len(order) + 1, bool)
+    paired[:-1] = ~begins
+    result = np.zeros(len(leading), scan.FaceEdge.numpy_dtype())
+    result["a"], result["b"] = low[order[leading]], high[order[leading]]
+    face = np.append(order % max(count, 1), -1)
+    result["first"] = face[leading]
+    result["second"] = np.where(paired[leading + 1], face[leading + 1], -1)
+    return result
