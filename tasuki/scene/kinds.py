@@ -17,6 +17,8 @@ from tasuki.scene.source import suggestion
 UNIT_MATRIX = 4
 """Flag of a quadric whose matrix is the unit matrix, without linear term: a sphere (`SPHERE` in the modules' records).
 """
+OBJECT = 31
+"""The kind of objects in a thing's code."""
 MOST_KINDS = 31
 """A thing's code is its index * 32 + its kind; the last kind is that of objects."""
 SURFACE = ("hit", "surface")
@@ -122,6 +124,11 @@ def lookup(name: str) -> PrimitiveKind:
 def kinds() -> tuple[PrimitiveKind, ...]:
     """All kinds, in the order of their numbers."""
     return tuple(_KINDS.values())
+
+
+def record_dtype(name: str) -> Any:
+    """The layout of a record of `tasuki.modules.records`."""
+    return resolve(f"tasuki.modules.records:{name}").numpy_dtype()
 
 
 def resolve(name: str) -> Any:

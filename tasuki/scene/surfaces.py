@@ -1,0 +1,160 @@
+"""The surfaces of all literals, placed in the scene in float64, and those that are one surface merged.
+
+Surfaces that coincide must be crossed at one t, whatever matrices brought them there. So every plane and quadric gets
+a canonical number; what lies within `TOLERANCE` of another, relative to the scene's size, shares its number, and a
+literal is a surface and a side of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tasuki.scene.csg import PLANE, QUADRIC, Leaf
+
+TOLERANCE = 2.0**-20
+"""Of the scene's size, and of a unit normal: what float32 cannot tell apart along a ray."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Surfaces of one kind, in coordinates of memory: `values` (n, 4) or (n, 4, 4) as in `Leaf`, float64, and the
+    `middle` (n, 3) of the local coordinates of each.
+    """
+
+    values: np.ndarray
+    middle: np.ndarray
+
+
+@dataclass(frozen=True)
+class Merged:
+    """`first[k]` is the row of the surface that stands for canonical surface k; `number` (n,) is that of each row, and
+    `turned` (n,) tells where its inside is the other's outside.
+    """
+
+    first: np.ndarray
+    number: np.ndarray
+    turned: np.ndarray
+
+
+def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np.ndarray) -> Placed:
+    """The surfaces of `leaves`, all of `kind`; `inverses` and `matrices` (n, 4, 4) are their own, to memory and back.
+
+    Surfaces go by the transpose of the inverse.
+    """
+    shape = (-1, 4) if kind == PLANE else (-1, 4, 4)
+    values = np.array([leaf.values for leaf in leaves], np.float64).reshape(shape)
+    if kind == PLANE:
+        values = np.einsum("nji,nj->ni", inverses, values)
+        values = values / np.linalg.norm(values[:, :3], axis=1, keepdims=True)
+    else:
+        values = np.einsum("nji,njk,nkl->nil", inverses, values, inverses)
+        values = values / np.abs(values[:, :3, :3]).max(axis=(1, 2), keepdims=True)
+    return Placed(_cleaned(values, kind), matrices[:, :3, 3])
+
+
+def _cleaned(values: np.ndarray, kind: str) -> np.ndarray:
+    """Without what rounding alone left of normals' components and of Q: a turn by 90 degrees is one."""
+    part = values[:, :3] if kind == PLANE else values[:, :3, :3]
+    part[np.abs(part) < 1e-14] = 0.0
+    return values
+
+
+def merged_planes(planes: np.ndarray, size: float) -> Merged:
+    """Planes (n, 4) with unit normals, merged."""
+    turned = _signs(planes[:, :3]) < 0.0
+    features = np.where(turned[:, None], -planes, planes) / [1.0, 1.0, 1.0, size]
+    return _merged(features, turned)
+
+
+def merged_quadrics(quadrics: np.ndarray, size: float) -> Merged:
+    """Quadrics (n, 4, 4), their largest |Q| 1, merged: alike in Q, middle, opening, and the root of the constant."""
+    turned = _signs(np.array([q[np.triu_indices(3)] for q in quadrics[:, :3, :3]]).reshape(-1, 6)) < 0.0
+    quadrics = np.where(turned[:, None, None], -quadrics, quadrics)
+    middle, opening, constant = completed(quadrics, np.zeros(3))
+    lengths = np.sign(constant) * np.sqrt(np.abs(constant))
+    upper = quadrics[:, *np.triu_indices(3)]
+    features = np.column_stack([upper, middle / size, opening / size, lengths / size])
+    return _merged(features, turned)
+
+
+def completed(quadrics: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """p, l, r of (P-p)^T Q (P-p) + l . (P-p) = r, for quadrics (n, 4, 4): p the nearest to `near` of all middles.
+
+    Where a linear term remains (a paraboloid), p moves along it until r is 0.
+    """
+    q, linear = quadrics[:, :3, :3], quadrics[:, :3, 3]
+    inverse = np.linalg.pinv(q, rcond=1e-12, hermitian=True)
+    start = np.broadcast_to(near, linear.shape)
+    gradient = np.einsum("nij,nj->ni", q, start) + linear
+    middle = start - np.einsum("nij,nj->ni", inverse, gradient)
+    rest = np.einsum("nij,nj->ni", q, middle) + linear
+    scale = np.abs(linear).max(axis=1, initial=0.0) + np.abs(middle).max(axis=1, initial=0.0)
+    rest[np.abs(rest) <= 1e-12 * scale[:, None]] = 0.0
+    constant = -_value(quadrics, middle)
+    slope = 4.0 * np.einsum("ni,ni->n", rest, rest)
+    step = np.where(slope > 0.0, constant / np.where(slope > 0.0, slope, 1.0), 0.0)
+    middle = middle + 2.0 * step[:, None] * rest
+    return middle, 2.0 * rest, np.where(slope > 0.0, 0.0, constant)
+
+
+def _value(quadrics: np.ndarray, points: np.ndarray) -> np.ndarray:
+    homogeneous = np.column_stack([points, np.ones(len(points))])
+    return np.einsum("ni,nij,nj->n", homogeneous, quadrics, homogeneous)
+
+
+def _signs(values: np.ndarray) -> np.ndarray:
+    """The sign of the first of each row's values that is more than rounding: it does not change under small errors."""
+    first = (np.abs(values) > 1e-3).argmax(axis=1)
+    return np.sign(values[np.arange(len(values)), first])
+
+
+def _merged(features: np.ndarray, turned: np.ndarray) -> Merged:
+    """Rows whose features are all within TOLERANCE of each other, directly or from neighbour to neighbour.
+
+    Along each feature in turn the rows of a class are parted where they leave a gap; until no class has one.
+    """
+    number = np.zeros(len(features), np.int64)
+    count = 0
+    while len(features) and number.max() + 1 > count:
+        count = number.max() + 1
+        for column in features.T:
+            order = np.lexsort((column, number))
+            gaps = np.diff(column[order]) > TOLERANCE
+            parted = np.concatenate([[0], np.cumsum(gaps | (np.diff(number[order]) != 0))])
+            number[order] = parted
+    _, first, number = np.unique(number, return_index=True, return_inverse=True)
+    by_place = np.argsort(first)
+    number = np.argsort(by_place)[number]
+    first = first[by_place]
+    return Merged(first, number, turned != turned[first[number]])
+
+
+def plane_records(records: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """`records` of planes with their equations filled in."""
+    records["normal"], records["d"] = planes[:, :3], planes[:, 3]
+    return records
+
+
+def quadric_records(records: np.ndarray, quadrics: np.ndarray, middle: np.ndarray, sphere_flag: int) -> np.ndarray:
+    """`records` of quadrics with their equations filled in; spheres are flagged."""
+    middle, linear, constant = completed(quadrics, middle)
+    q = quadrics[:, :3, :3]
+    diagonal = np.einsum("nii->ni", q)
+    is_sphere = (np.abs(q - np.eye(3)).max(axis=(1, 2), initial=0.0) < 1e-12) & (diagonal > 0.0).all(axis=1)
+    records["centre"], records["constant"] = middle, constant
+    for column in range(3):
+        records[f"q{column + 1}"] = q[:, :, column]
+        records[f"l{column + 1}"] = linear[:, column]
+    records["flags"] = np.where(is_sphere & (linear == 0.0).all(axis=1), sphere_flag, 0)
+    return records
+
+
+def kinds_of(leaves: Sequence[Leaf]) -> dict[str, np.ndarray]:
+    """Which leaves are of which kind: their indices, by kind, planes and quadrics first."""
+    kinds = [leaf.kind for leaf in leaves]
+    names = sorted(set(kinds), key=lambda name: (name != PLANE, name != QUADRIC, name))
+    every = np.array(kinds, dtype=object)
+    return {name: np.flatnonzero(every == name) for name in names}
