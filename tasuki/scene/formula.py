@@ -243,8 +243,10 @@ class _Writer:
         while self.steps:
             self.steps.pop()()
         self.reach_end(len(tokens))
-        for row, _ in tokens.leaves[begun:]:
-            tokens.ranked[first + tokens.rank[row]] = row
+        # Operands that never matter have been left out: the others are ranked anew.
+        rows = sorted((row for row, _ in tokens.leaves[begun:]), key=tokens.rank.__getitem__)
+        for rank, row in enumerate(rows):
+            tokens.rank[row], tokens.ranked[first + rank] = rank, row
         return first, len(tokens)
 
     def operands(self, members: Sequence[Part | Group], in_union: bool, begin: int) -> None:
@@ -304,17 +306,17 @@ class Group:
 def grouped(part: Part) -> Sequence[Part | Group]:
     """The operands of an operator, those that have boxes in a tree of groups, behind all others.
 
-    What matters of a union's operand is the box around it, of an intersection's that around its complement.
+    What matters of a union's operand is the box around it, of an intersection's that around its complement; where that
+    is empty the operand is left out.
     """
     first = part.parts[:1] if part.parts[0].waiting else []
     others = part.parts[len(first) :]
     boxes = [one.box if part.is_union else one.gap for one in others]
     bounded = [i for i, box in enumerate(boxes) if is_bounded(box) and box != EMPTY]
-    if len(bounded) <= GROUP_SIZE:
-        return part.parts
     loose = [one for one, box in zip(others, boxes, strict=True) if not is_bounded(box)]
-    tree = _group(np.array(bounded), np.array(boxes), others)
-    return [*first, *loose, *(tree.members if isinstance(tree, Group) and not loose else [tree])]
+    if len(bounded) <= GROUP_SIZE:
+        return [*first, *loose, *(others[i] for i in bounded)]
+    return [*first, *loose, _group(np.array(bounded), np.array(boxes), others)]
 
 
 def _group(indices: np.ndarray, boxes: np.ndarray, parts: Sequence[Part]) -> Part | Group:

@@ -35,8 +35,8 @@ DEAREST = 64.0
 @dataclass(frozen=True)
 class Objects:
     """The tables of a scene's objects, by name: "objects", "tokens", "bounds", and the records of every kind of solid
-    in `operands`. `numbers[i]` is the number in the flat scene of the object in row i; objects that are empty are left
-    out (`empty`). `boxes` (n, 6) and `costs` (n,) are those of the rows; `merged`: how many surfaces were merged.
+    in `operands`. `numbers[i]` is the number in the flat scene of the object in row i; objects that are empty,
+    or everything, are left out (`empty`). `boxes` (n, 6) and `costs` (n,) are those of the rows; `merged`: how many surfaces were merged.
     """
 
     tables: Mapping[str, np.ndarray]
@@ -89,7 +89,7 @@ def lower_objects(
     every = [part.leaf for root in roots for part in literals(root) if part.leaf]
     placing = _Placing(every, matrices, size)
     whole = [with_boxes(root, placing.boxes) for root in roots]
-    kept = [row for row, root in enumerate(whole) if root.box != EMPTY]
+    kept = [row for row, root in enumerate(whole) if EMPTY not in (root.box, root.gap)]
     tokens = Tokens()
     spans = [tokens.write(whole[row], lambda leaf: leaf.kind not in (PLANE, QUADRIC)) for row in kept]
     numbers = order[kept]
