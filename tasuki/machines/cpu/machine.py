@@ -135,6 +135,10 @@ class Executable:
         return least
 
     def _run_threads(self, run: _Run, threads: int, progress: Progress | None) -> None:
+        if run.items <= run.context[CHUNK]:
+            # One chunk: no thread could stop within it, and starting one would take longer than a small chunk does.
+            self._launch(run.context.ctypes.data)
+            return
         ended: list[int] = []
         one_ended = threading.Event()
 

@@ -72,24 +72,24 @@ def _load_each(e: Emitter, table: TableValue, index: Leaf, wanted: range, mask: 
 
 def store_table(e: Emitter, table: TableValue, index: Leaf, wanted: range, leaves: Sequence[Leaf], mask: str) -> None:
     """The leaves `wanted` of the record at `index` become `leaves` in the active lanes."""
-    rows = whole_rows(table.record, wanted) if index.varying and e.width >= 4 else {}
-    if not rows:
-        _store_words(e, table, index, wanted, leaves, mask)
-        return
-    # With all lanes active whole rows go out, one store for each lane; else word by word.
-    full, partial, done = e.fresh("full"), e.fresh("partial"), e.fresh("stored")
-    missing = e.value(f"xor {e.mask_type} {mask}, splat (i1 true)")
-    e.branch(e.any_lane(missing), partial, full)
-    e.label(full)
     stored = dict(zip(wanted, leaves, strict=True))
-    addresses = row_addresses(e, table, index)
-    for row, members in rows.items():
-        store_row(e, addresses, row, [stored.pop(leaf) for leaf in members])
+    rows = whole_rows(table.record, wanted) if index.varying and e.width >= 4 else {}
+    if rows:
+        # Whole rows go out, one store for each lane: scatters, word by word, take several times as long.
+        addresses = _active_addresses(e, table, index, mask)
+        for row, members in rows.items():
+            store_row(e, addresses, row, [stored.pop(leaf) for leaf in members])
     _store_words(e, table, index, list(stored), list(stored.values()), mask)
-    e.jump(done)
-    e.label(partial)
-    _store_words(e, table, index, wanted, leaves, mask)
-    e.label(done)
+
+
+def _active_addresses(e: Emitter, table: TableValue, index: Leaf, mask: str) -> list[str]:
+    """For each active lane a pointer to its record; the others may store to a place that nobody reads."""
+    spare = e.slot(f"[{table.record.rows * BANKS} x i32]")
+    addresses = []
+    for lane, address in enumerate(row_addresses(e, table, index)):
+        active = e.value(f"extractelement {e.mask_type} {mask}, i32 {lane}")
+        addresses.append(e.value(f"select i1 {active}, ptr {address}, ptr {spare}"))
+    return addresses
 
 
 def whole_rows(record: Record, wanted: Sequence[int]) -> dict[int, list[int]]:
