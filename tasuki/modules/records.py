@@ -244,6 +244,18 @@ class Box:
 
 
 @record
+class ExtentNode:
+    """A node of the scene tree in preorder: the sphere around it (radius negative: it has none), the index of the node
+    that comes after all that it holds, and the code of the thing that it is (-1: a group).
+    """
+
+    centre: vec3
+    radius: f32
+    skip: i32
+    code: i32
+
+
+@record
 class Pixel:
     """Linear colour of one pixel."""
 
@@ -276,5 +288,6 @@ lights = Table(Light)
 views = Table(View)
 bvh_nodes = Table(BVHNode)
 boxes = Table(Box)
+extent_nodes = Table(ExtentNode)
 picture = Table(Pixel)
 ray_counts = Table(RayCounts)
