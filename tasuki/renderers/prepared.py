@@ -58,7 +58,7 @@ class PreparedScene:
         self.accelerator = accelerator or lookup("bvh")
         self.traits = Traits(
             [one.kind.narrowed(one.records) for one in self.packed.primitives],
-            self.packed.operands,
+            self.packed.objects.operands,
             transparent=bool((self.memory.table("attributes")["transmission"] > 0.0).any()),
             nested=bool(len(self.memory.table("media"))),
         )
@@ -99,7 +99,7 @@ class PreparedScene:
 
 def codes_and_costs(kinds: Sequence[PrimitiveKind], packed: Packed) -> tuple[np.ndarray, np.ndarray]:
     """index * 32 + kind of every thing in the scene, int32; and what each costs to intersect, float32."""
-    costs = [np.full(packed.counts[kind.name], kind.cost, np.float32) for kind in kinds] + [packed.object_costs]
+    costs = [np.full(packed.counts[kind.name], kind.cost, np.float32) for kind in kinds] + [packed.objects.costs]
     numbers = [kind.number for kind in kinds] + [OBJECT]
     codes = [np.arange(len(cost), dtype=np.int32) * 32 + number for cost, number in zip(costs, numbers, strict=True)]
     return np.concatenate(codes), np.concatenate(costs)

@@ -7,7 +7,7 @@ them; tokens are written.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from tasuki.scene import surfaces
 from tasuki.scene.bounds import EMPTY, EVERYTHING, Box, plane_boxes, quadric_boxes, transformed
 from tasuki.scene.csg import PLANE, QUADRIC, Leaf
 from tasuki.scene.formula import INVERTED, Tokens, literals, normalised, with_boxes
-from tasuki.scene.kinds import OBJECT, UNIT_MATRIX, PrimitiveKind, lookup, record_dtype
+from tasuki.scene.kinds import OBJECT, PrimitiveKind, lookup, record_dtype
 from tasuki.scene.material import Material
 
 if TYPE_CHECKING:
@@ -29,160 +29,190 @@ FAR = 1.0e30
 """What stands for infinity in a box."""
 SLACK = 2.0**-20
 """Of the scene's size: by how much boxes in formulas are widened, for the rounding of the slab test."""
-DEAREST = 64.0
+COST, DEAREST = 2.0, 64
+"""What a literal costs to intersect, in units of a triangle's; and beyond how many literals a formula costs no more."""
+
+
+def _address(matrix: np.ndarray) -> int:
+    return matrix.__array_interface__["data"][0]
+
+
+class Matrices:
+    """The matrices of local coordinates, those of the flat scene's `frames` (k, 4, 4) first, in their order.
+
+    Each is kept once, by where it lies. Row k of the table is the inverse of the k-th.
+    """
+
+    def __init__(self, frames: np.ndarray) -> None:
+        self.kept = list(frames)
+        self._by_identity: dict[int, int] = {}
+        self._by_address = {_address(matrix): number for number, matrix in enumerate(self.kept)}
+
+    def number(self, matrix: np.ndarray) -> int:
+        """The number of a matrix from local coordinates to those of the scene."""
+        number = self._by_identity.get(id(matrix))
+        if number is None:
+            number = self._by_address.setdefault(_address(matrix), len(self.kept))
+            if number == len(self.kept):
+                self.kept.append(matrix)
+            self._by_identity[id(matrix)] = number
+        return number
+
+    def to_scene(self) -> np.ndarray:
+        """All of them, (n, 4, 4)."""
+        return np.array(self.kept, np.float64).reshape(-1, 4, 4)
+
+    def records(self, origin: np.ndarray) -> np.ndarray:
+        """The table "matrices", for coordinates that count from `origin`."""
+        records = np.zeros(len(self.kept), record_dtype("Matrix"))
+        matrices = self.to_scene()
+        matrices[:, :3, 3] -= origin
+        records["m"] = np.linalg.inv(matrices)
+        return records
 
 
 @dataclass(frozen=True)
 class Objects:
     """The tables of a scene's objects, by name: "objects", "tokens", "bounds", and the records of every kind of solid
-    in `operands`. `numbers[i]` is the number in the flat scene of the object in row i; objects that are empty,
-    or everything, are left out (`empty`). `boxes` (n, 6) and `costs` (n,) are those of the rows; `merged`: how many surfaces were merged.
+    in `operands`. `numbers[i]` is the number of the object in row i, and `boxes` (n, 6) and `costs` (n,) are those of
+    the rows. `merged` says how many surfaces were merged.
     """
 
     tables: Mapping[str, np.ndarray]
     operands: tuple[PrimitiveKind, ...]
     numbers: np.ndarray
-    empty: Sequence[int]
     boxes: np.ndarray
     costs: np.ndarray
     merged: int
 
 
-@dataclass
-class Matrices:
-    """The matrices of local coordinates: each once, by identity. Row k of the table is the inverse of the k-th."""
+class Formulas:
+    """The formulas of `objects`, with boxes, in the scene's coordinates.
 
-    origin: np.ndarray
-    numbers: dict[int, int] = field(default_factory=dict)
-    kept: list[np.ndarray] = field(default_factory=list)
+    `numbers[i]` is the number of the i-th that is kept: opaque ones first, since where both are met at one t, what is
+    opaque shows. What is empty, or everything, is left out; `left_out` has the numbers. `boxes` (n, 6) are around those
+    that are kept.
+    """
 
-    def number(self, matrix: np.ndarray) -> int:
-        """The number of a matrix from local coordinates to those of the scene."""
-        if id(matrix) not in self.numbers:
-            self.numbers[id(matrix)] = len(self.kept)
-            self.kept.append(matrix)
-        return self.numbers[id(matrix)]
+    def __init__(self, objects: Sequence[FlatObject], materials: Sequence[Material], matrices: Matrices) -> None:
+        self.objects = objects
+        self.materials = materials
+        transparent = np.array([materials[one.material].transmission > 0.0 for one in objects], bool)
+        order = np.argsort(transparent, kind="stable").tolist()
+        roots = [normalised(objects[number].root) for number in order]
+        leaves = [part.leaf for root in roots for part in literals(root) if part.leaf]
+        self.placing = _Placing(leaves, matrices)
+        whole = [with_boxes(root, self.placing.boxes) for root in roots]
+        kept = [row for row, root in enumerate(whole) if EMPTY not in (root.box, root.gap)]
+        self.roots = [whole[row] for row in kept]
+        self.numbers = np.array([order[row] for row in kept], np.intp)
+        self.left_out = sorted(set(order) - set(self.numbers.tolist()))
+        self.boxes = np.array([root.box for root in self.roots]).reshape(-1, 6)
+        for box, number in zip(self.boxes, self.numbers, strict=True):
+            if isinstance(objects[number].extent, tuple):
+                centre, radius = objects[number].extent
+                box[:3], box[3:] = np.maximum(box[:3], centre - radius), np.minimum(box[3:], centre + radius)
 
-    def to_memory(self) -> np.ndarray:
-        """All of them (n, 4, 4), to coordinates that count from the origin."""
-        matrices = np.array(self.kept, np.float64).reshape(-1, 4, 4)
-        matrices[:, :3, 3] -= self.origin
-        return matrices
+    def lower(self, origin: np.ndarray, size: float) -> Objects:
+        """The tables, for coordinates that count from `origin`, of a scene of `size`, the camera's place included."""
+        surfaces_, merged = self.placing.lower(origin, size)
+        tokens = Tokens()
+        spans = [tokens.write(root, lambda leaf: leaf.kind not in (PLANE, QUADRIC)) for root in self.roots]
+        boxes = self.boxes - np.tile(origin, 2)
+        tables = {
+            "objects": self._records(spans, boxes),
+            "tokens": _token_records(tokens, self.placing),
+            "bounds": _bounds_records(tokens.bounds, origin, SLACK * size),
+            **surfaces_,
+        }
+        costs = COST * np.minimum([len(literals(root)) for root in self.roots], DEAREST).astype(np.float32)
+        return Objects(tables, tuple(self.placing.kinds), self.numbers, boxes, costs, merged)
 
-    def records(self) -> np.ndarray:
-        """The table "matrices"."""
-        records = np.zeros(len(self.kept), record_dtype("Matrix"))
-        records["m"] = np.linalg.inv(self.to_memory())
+    def _records(self, spans: Sequence[tuple[int, int]], boxes: np.ndarray) -> np.ndarray:
+        records = np.zeros(len(spans), record_dtype("Object"))
+        media = [self.objects[number].material for number in self.numbers]
+        sides = np.array([self.materials[medium].shows_both_sides() for medium in media], bool)
+        unions = np.array([root.is_union for root in self.roots], bool)
+        records["kind"], records["attribute"], records["matrix"] = OBJECT, media, -1
+        records["flags"] = np.where(sides, TWO_SIDED, 0) + np.where(unions, UNION, 0)
+        records["first"], records["end"] = np.array(spans, np.int32).reshape(-1, 2).T
+        records["low"], records["high"] = np.clip(boxes[:, :3], -FAR, FAR), np.clip(boxes[:, 3:], -FAR, FAR)
         return records
 
 
-def lower_objects(
-    objects: Sequence[FlatObject], materials: Sequence[Material], matrices: Matrices, size: float
-) -> Objects:
-    """The tables of `objects`, opaque ones first: where both are met at one t, what is opaque shows.
-
-    `size` is that of the scene, the camera's place included.
-    """
-    transparent = np.array([materials[one.material].transmission > 0.0 for one in objects], bool)
-    order = np.argsort(transparent, kind="stable")
-    roots = [normalised(objects[number].root) for number in order]
-    every = [part.leaf for root in roots for part in literals(root) if part.leaf]
-    placing = _Placing(every, matrices, size)
-    whole = [with_boxes(root, placing.boxes) for root in roots]
-    kept = [row for row, root in enumerate(whole) if EMPTY not in (root.box, root.gap)]
-    tokens = Tokens()
-    spans = [tokens.write(whole[row], lambda leaf: leaf.kind not in (PLANE, QUADRIC)) for row in kept]
-    numbers = order[kept]
-    boxes = np.array([whole[row].box for row in kept]).reshape(-1, 6)
-    boxes = _with_extents(boxes, [objects[number] for number in numbers], matrices.origin)
-    records = np.zeros(len(kept), record_dtype("Object"))
-    records["kind"], records["matrix"] = OBJECT, -1
-    records["attribute"] = [objects[number].material for number in numbers]
-    sides = [TWO_SIDED * materials[objects[number].material].shows_both_sides() for number in numbers]
-    records["flags"] = sides + UNION * np.array([whole[row].is_union for row in kept], int)
-    records["first"], records["end"] = np.array(spans, np.int32).reshape(-1, 2).T
-    records["low"], records["high"] = np.clip(boxes[:, :3], -FAR, FAR), np.clip(boxes[:, 3:], -FAR, FAR)
-    tables = {
-        "objects": records,
-        "tokens": _token_records(tokens, placing),
-        "bounds": _bounds_records(tokens.bounds, SLACK * size),
-        **placing.tables,
-    }
-    costs = np.minimum([len(literals(whole[row])) for row in kept], DEAREST).astype(np.float32) * 2.0
-    empty = sorted(set(order.tolist()) - set(numbers.tolist()))
-    return Objects(tables, tuple(placing.kinds), numbers, empty, boxes, costs, placing.merged)
-
-
 class _Placing:
-    """The leaves of all formulas: of each its surface's code, and boxes around it."""
+    """The leaves of all formulas in the scene: of each the boxes around it, and at last its surface's code."""
 
-    def __init__(self, leaves: Sequence[Leaf], matrices: Matrices, size: float) -> None:
-        self.leaves = leaves
+    def __init__(self, leaves: Sequence[Leaf], matrices: Matrices) -> None:
         self.row = {id(leaf): row for row, leaf in enumerate(leaves)}
         self.matrix = np.array([matrices.number(leaf.matrix) for leaf in leaves], np.int64)
-        to_memory = matrices.to_memory()
-        inverses = np.linalg.inv(to_memory)
         self.codes = np.zeros(len(leaves), np.int64)
         self.turned = np.zeros(len(leaves), bool)
-        self.merged = 0
-        self.tables: dict[str, np.ndarray] = {}
-        self.kinds: list[PrimitiveKind] = []
+        self.rows = surfaces.kinds_of(leaves)
+        self.kinds = [lookup(name) for name in self.rows]
+        self.placed: dict[str, surfaces.Placed] = {}
+        self.kept: dict[str, np.ndarray] = {}
         self._boxes: list[tuple[Box, Box, Box, Box]] = [(EVERYTHING,) * 4] * len(leaves)
-        for name, rows in surfaces.kinds_of(leaves).items():
-            kind = lookup(name)
-            self.kinds.append(kind)
+        to_scene = matrices.to_scene()
+        inverses = np.linalg.inv(to_scene)
+        for kind in self.kinds:
+            rows = self.rows[kind.name]
             mine, numbers = [leaves[row] for row in rows], self.matrix[rows]
-            if name in (PLANE, QUADRIC):
-                placed = surfaces.placed(mine, name, inverses[numbers], to_memory[numbers])
-                self._merge(kind, rows, placed, size)
-                self._find_boxes(kind, rows, placed, mine)
+            if kind.name in (PLANE, QUADRIC):
+                self.placed[kind.name] = surfaces.placed(mine, kind.name, inverses[numbers], to_scene[numbers])
+                self._find_boxes(kind, mine)
             else:
-                self._keep(kind, rows, mine, to_memory[numbers])
+                self._keep(kind, mine, to_scene[numbers])
 
     def boxes(self, leaf: Leaf) -> tuple[Box, Box, Box, Box]:
         """As `formula.LeafBoxes` says."""
         return self._boxes[self.row[id(leaf)]]
 
-    def _merge(self, kind: PrimitiveKind, rows: np.ndarray, placed: surfaces.Placed, size: float) -> None:
-        merge = surfaces.merged_planes if kind.name == PLANE else surfaces.merged_quadrics
-        merged = merge(placed.values, size)
-        self.merged += len(rows) - len(merged.first)
-        self.codes[rows] = merged.number * 32 + kind.number
-        self.turned[rows] = merged.turned
-        values, records = placed.values[merged.first], np.zeros(len(merged.first), kind.record.numpy_dtype())
-        if kind.name == PLANE:
-            surfaces.plane_records(records, values)
-        else:
-            surfaces.quadric_records(records, values, placed.middle[merged.first], UNIT_MATRIX)
-        records["kind"], records["matrix"] = kind.number, -1
-        self.tables[kind.table_name] = records
+    def lower(self, origin: np.ndarray, size: float) -> tuple[dict[str, np.ndarray], int]:
+        """The tables of all kinds of surfaces, by name, and how many surfaces were merged with others."""
+        tables, merged = {}, 0
+        for kind in self.kinds:
+            rows = self.rows[kind.name]
+            if kind.name in self.kept:
+                self.codes[rows] = np.arange(len(rows)) * 32 + kind.number
+                tables[kind.table_name] = self.kept[kind.name]
+                continue
+            classes = self._classes(kind.name, size)
+            merged += len(rows) - len(classes.first)
+            self.codes[rows] = classes.number * 32 + kind.number
+            self.turned[rows] = classes.turned
+            records = np.zeros(len(classes.first), kind.record.numpy_dtype())
+            records["kind"], records["attribute"], records["matrix"] = kind.number, 0, -1
+            tables[kind.table_name] = self.placed[kind.name].records(records, classes.first, origin)
+        return tables, merged
 
-    def _find_boxes(
-        self, kind: PrimitiveKind, rows: np.ndarray, placed: surfaces.Placed, leaves: Sequence[Leaf]
-    ) -> None:
+    def _classes(self, name: str, size: float) -> surfaces.Merged:
+        merge = surfaces.merged_planes if name == PLANE else surfaces.merged_quadrics
+        return merge(self.placed[name].values, size)
+
+    def _find_boxes(self, kind: PrimitiveKind, leaves: Sequence[Leaf]) -> None:
         find = plane_boxes if kind.name == PLANE else quadric_boxes
-        local = np.array([leaf.values for leaf in leaves], np.float64)
-        columns = [find(values).tolist() for values in (placed.values, -placed.values, local, -local)]
-        for row, leaf, *four in zip(rows.tolist(), leaves, *columns, strict=True):
+        placed, local = self.placed[kind.name].values, np.array([leaf.values for leaf in leaves], np.float64)
+        columns = [find(values).tolist() for values in (placed, -placed, local, -local)]
+        for row, leaf, *four in zip(self.rows[kind.name].tolist(), leaves, *columns, strict=True):
             box, gap, local_box, local_gap = map(tuple, four)
             in_order = (gap, box, local_gap, local_box) if leaf.inverted else (box, gap, local_box, local_gap)
             self._boxes[row] = in_order  # type: ignore[assignment]
 
-    def _keep(self, kind: PrimitiveKind, rows: np.ndarray, leaves: Sequence[Leaf], to_memory: np.ndarray) -> None:
+    def _keep(self, kind: PrimitiveKind, leaves: Sequence[Leaf], to_scene: np.ndarray) -> None:
         """Solids of users' kinds stay in their own coordinates; their boxes come from their own module."""
+        rows = self.rows[kind.name]
         records = np.zeros(len(leaves), kind.record.numpy_dtype())
-        for number, leaf in enumerate(leaves):
+        records["kind"], records["matrix"] = kind.number, self.matrix[rows]
+        for number, (row, leaf) in enumerate(zip(rows.tolist(), leaves, strict=True)):
             assert isinstance(leaf.values, Mapping)
             for name, value in leaf.values.items():
                 records[name][number] = value
-        records["kind"], records["matrix"] = kind.number, self.matrix[rows]
-        self.codes[rows] = np.arange(len(rows)) * 32 + kind.number
-        self.tables[kind.table_name] = records
-        for number, (row, leaf) in enumerate(zip(rows.tolist(), leaves, strict=True)):
             local = local_box(kind, records[number])
-            box = transformed(local, to_memory[number])
+            box = transformed(local, to_scene[number])
             four = (EVERYTHING, box, EVERYTHING, local) if leaf.inverted else (box, EVERYTHING, local, EVERYTHING)
             self._boxes[row] = four
+        self.kept[kind.name] = records
 
 
 def local_box(kind: PrimitiveKind, record: np.void) -> Box:
@@ -195,16 +225,6 @@ def local_box(kind: PrimitiveKind, record: np.void) -> Box:
 
 def _plain(value: Any) -> Any:
     return tuple(value.tolist()) if value.ndim else value.item()
-
-
-def _with_extents(boxes: np.ndarray, objects: Sequence[FlatObject], origin: np.ndarray) -> np.ndarray:
-    """The boxes, cut to the spheres that users promise to be around objects."""
-    boxes = boxes.copy()
-    for box, one in zip(boxes, objects, strict=True):
-        if isinstance(one.extent, tuple):
-            centre, radius = np.array(one.extent[0]) - origin, one.extent[1]
-            box[:3], box[3:] = np.maximum(box[:3], centre - radius), np.minimum(box[3:], centre + radius)
-    return boxes
 
 
 def _token_records(tokens: Tokens, placing: _Placing) -> np.ndarray:
@@ -221,9 +241,9 @@ def _token_records(tokens: Tokens, placing: _Placing) -> np.ndarray:
     return records
 
 
-def _bounds_records(boxes: Sequence[Box], slack: float) -> np.ndarray:
+def _bounds_records(boxes: Sequence[Box], origin: np.ndarray, slack: float) -> np.ndarray:
     records = np.zeros(len(boxes), record_dtype("Bounds"))
-    values = np.array(boxes, np.float64).reshape(-1, 6)
+    values = np.array(boxes, np.float64).reshape(-1, 6) - np.tile(origin, 2)
     records["low"], records["high"] = values[:, :3] - slack, values[:, 3:] + slack
     return records
 

@@ -6,21 +6,26 @@ the BVH, the picture) goes into `Packed.builder`; `Packed.build` then allocates 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
-from tasuki.scene.check import problems, without_degenerate
-from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, resolve
+from tasuki.scene.check import problems
+from tasuki.scene.flatten import Flat, flatten
+from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, lookup, record_dtype
 from tasuki.scene.lower import TWO_SIDED, Primitives, lower
+from tasuki.scene.material import Material, Vector
+from tasuki.scene.meetings import media, with_shared_spheres
 from tasuki.scene.memory import Memory, MemoryBuilder
-from tasuki.scene.model import Scene, default_intensity
+from tasuki.scene.model import DirectionalLight, Light, Scene, default_intensity
+from tasuki.scene.objects import Formulas, Matrices, Objects
 from tasuki.scene.source import scene_error
+from tasuki.scene.transforms import unit
 
-RECORDS = "tasuki.modules.records"
+DIRECTIONAL = 1
+"""The kind of a directional light, as `tasuki.modules.records` gives it."""
 LEAST_SIZE, MOST_SIZE = 1e-12, 1e12
 FAR_AWAY = 16.0
 """How many times its size a scene may be away from the origin before its coordinates count from its middle."""
@@ -32,15 +37,15 @@ MOST_PRIMITIVES = 2**31 // MOST_KINDS
 class Packed:
     """A packed scene, ready to have more tables added to `builder`.
 
-    `primitives` are those in memory, by kind: `primitives[k].shapes[i]` is the number in `scene.shapes` of the shape
+    `primitives` are those in memory, by kind: `primitives[k].shapes[i]` is the number in the flat scene of the shape
     from which primitive i of that kind came. Coordinates in memory count from `origin`, (3,) float64.
     """
 
     scene: Scene
+    flat: Flat
     origin: np.ndarray
     primitives: tuple[Primitives, ...]
-    operands: tuple[PrimitiveKind, ...]
-    object_costs: np.ndarray
+    objects: Objects
     builder: MemoryBuilder
 
     @property
@@ -56,7 +61,7 @@ class Packed:
     @property
     def things(self) -> int:
         """What a ray may hit: primitives and objects."""
-        return sum(self.counts.values()) + len(self.object_costs)
+        return sum(self.counts.values()) + len(self.objects.numbers)
 
     def build(self) -> Memory:
         """The memory with all tables that `builder` has by now."""
@@ -73,26 +78,43 @@ def pack(scene: Scene) -> Packed:
         described = (f"the scene's {problem.dotted}: {problem.message}" for problem in found)
         diagnostics = zip(described, found, strict=True)
         raise scene_error(Diagnostic(text, None, problem.expected, problem.found) for text, problem in diagnostics)
-    scene = without_degenerate(scene)
-    origin = local_origin(scene)
-    primitives = tuple(lower(scene, origin))
+    flat = flatten(scene)
+    matrices = Matrices(flat.frames)
+    formulas = Formulas(flat.objects, flat.materials, matrices)
+    middle, size = _middle_and_size(flat, formulas.boxes, scene.camera.eye)
+    shared = with_shared_spheres(flat, size)
+    if shared is not flat:
+        flat, formulas = shared, Formulas(shared.objects, flat.materials, matrices)
+    origin = local_origin(middle, size)
+    _verify_size(flat, size)
+    objects = formulas.lower(origin, size)
+    primitives = tuple(lower(flat, origin))
     builder = MemoryBuilder()
+    for name, records in _records(flat, primitives, objects).items():
+        builder.add(name, records)
+    builder.add("matrices", matrices.records(origin))
+    builder.add("media", media(flat, objects, lookup("quadric").number, origin))
+    builder.add("attributes", _verified("material", _attributes(flat.materials, len(scene.lights))))
+    builder.add("lights", _verified("light", _lights(scene.lights, origin)))
+    return Packed(scene, flat, origin, primitives, objects, builder)
+
+
+def _records(flat: Flat, primitives: Sequence[Primitives], objects: Objects) -> dict[str, np.ndarray]:
+    """The tables of primitives and objects: of one kind those that stand alone first, then literals' surfaces."""
+    tables = dict(objects.tables)
     for one in primitives:
-        verify(one, scene)
-        builder.add(one.kind.table_name, one.records)
-    _verify_size(scene)
-    builder.add("attributes", _verified("material", _attributes(scene)))
-    builder.add("lights", _verified("light", _lights(scene, origin)))
-    builder.add("matrices", np.zeros(0, _dtype("Matrix")))
-    builder.add("media", np.zeros(0, _dtype("Medium")))
-    return Packed(scene, origin, primitives, (), np.zeros(0, np.float32), builder)
+        verify(one, flat)
+        name = one.kind.table_name
+        tables[name] = np.concatenate([one.records, tables[name]]) if name in tables else one.records
+    for name in objects.tables:
+        _verified(f"{name}: record", tables[name])
+    return tables
 
 
-def _attributes(scene: Scene) -> np.ndarray:
+def _attributes(materials: Sequence[Material], lights: int) -> np.ndarray:
     """One record for each material; what they have in common has the same name in both."""
-    materials = scene.materials
-    records = np.zeros(len(materials), _dtype("Attribute"))
-    intensity = default_intensity(len(scene.lights))
+    records = np.zeros(len(materials), record_dtype("Attribute"))
+    intensity = default_intensity(lights)
     with np.errstate(over="ignore"):
         for name in set(records.dtype.names or ()) - {"flags", "ambient", "texture"}:
             values = np.array([getattr(material, name) for material in materials], np.float64)
@@ -105,59 +127,63 @@ def _attributes(scene: Scene) -> np.ndarray:
     return records
 
 
-def local_origin(scene: Scene) -> np.ndarray:
+def local_origin(middle: np.ndarray, size: float) -> np.ndarray:
     """From where the coordinates in memory count: zero, or the middle of a scene that lies far away for its size.
 
     float32 has 24 bits for a coordinate. Where those would tell the way to the scene rather than places in it, float64
     takes the way off first.
     """
-    middle, size = _middle_and_size(scene)
     return middle if np.abs(middle).max() > FAR_AWAY * size else np.zeros(3)
 
 
-def _middle_and_size(scene: Scene) -> tuple[np.ndarray, float]:
-    """Of the box around the shapes and the camera's place; zero for no shapes."""
-    if not len(scene.shapes):
+def _middle_and_size(flat: Flat, boxes: np.ndarray, eye: Vector) -> tuple[np.ndarray, float]:
+    """Of the box around all things, as far as they are bounded, and the camera's place; zero for no things."""
+    if not len(flat):
         return np.zeros(3), 0.0
-    spheres, cones, polygons = scene.shapes.spheres, scene.shapes.cones, scene.shapes.polygons
-    points = np.concatenate([[scene.camera.eye], spheres.centre, cones.base, cones.apex, polygons.points])
+    spheres, cones, polygons = flat.shapes.spheres, flat.shapes.cones, flat.shapes.polygons
+    corners = np.split(boxes, 2, axis=1)
+    points = np.concatenate([[eye], spheres.centre, cones.base, cones.apex, polygons.points, *corners])
+    points = np.where(np.isfinite(points), points, np.array(eye))
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float((high - low).max()), 2.0 * float(np.abs(spheres.radius).max(initial=0.0)))
-    return (low + high) / 2.0, size
+    return (low + high) / 2.0, size or 1.0
 
 
-def _verify_size(scene: Scene) -> None:
+def _verify_size(flat: Flat, size: float) -> None:
     """SceneError where the scene is so large or small that products of three lengths leave float32."""
-    _, size = _middle_and_size(scene)
-    if len(scene.shapes) and not LEAST_SIZE <= size <= MOST_SIZE:
+    if len(flat) and not LEAST_SIZE <= size <= MOST_SIZE:
         expected = f"a size of {LEAST_SIZE:g} to {MOST_SIZE:g}"
         raise SceneError(str(Diagnostic("the scene's size is out of range", None, expected, f"{size:g}")))
 
 
-def _lights(scene: Scene, origin: np.ndarray) -> np.ndarray:
-    records = np.zeros(len(scene.lights), _dtype("Light"))
-    grey = (default_intensity(len(scene.lights)),) * 3
+def _lights(lights: Sequence[Light], origin: np.ndarray) -> np.ndarray:
+    records = np.zeros(len(lights), record_dtype("Light"))
+    grey = (default_intensity(len(lights)),) * 3
     with np.errstate(over="ignore"):
-        records["position"] = np.array([light.position for light in scene.lights]).reshape(-1, 3) - origin
-        colours = [grey if light.colour is None else light.colour for light in scene.lights]
-        records["colour"] = np.array(colours).reshape(-1, 3)
+        for record, light in zip(records, lights, strict=True):
+            record["colour"] = grey if light.colour is None else light.colour
+            if isinstance(light, DirectionalLight):
+                way = -np.array(light.direction, np.float64)
+                record["kind"], record["position"] = DIRECTIONAL, unit(way)
+            else:
+                record["position"] = np.array(light.position) - origin
     return records
 
 
-def verify(primitives: Primitives, scene: Scene) -> None:
+def verify(primitives: Primitives, flat: Flat) -> None:
     """SceneError that names the shape of a primitive which float32 cannot hold, or which has no attribute."""
     records = primitives.records
     if len(records) > MOST_PRIMITIVES:
         message = f"the scene has too many primitives of kind {primitives.kind.name!r}"
         raise SceneError(str(Diagnostic(message, None, f"at most {MOST_PRIMITIVES}", str(len(records)))))
     attributes = records["attribute"]
-    unknown = (attributes < 0) | (attributes >= len(scene.materials))
+    unknown = (attributes < 0) | (attributes >= len(flat.materials))
     wrong = np.flatnonzero(unknown | _not_finite(records))
     if len(wrong):
         number = int(primitives.shapes[wrong[0]])
-        place = scene.shapes[number].place
+        place = flat.place(number)
         if unknown[wrong[0]]:
-            expected, found = f"a material, 0 to {len(scene.materials) - 1}", str(attributes[wrong[0]])
+            expected, found = f"a material, 0 to {len(flat.materials) - 1}", str(attributes[wrong[0]])
         else:
             expected, found = "numbers within the range of float32, squares included", "infinity"
         message = f"shape {number} cannot be packed as a {primitives.kind.name}"
@@ -183,7 +209,3 @@ def _not_finite(records: np.ndarray) -> np.ndarray:
             finite = np.isfinite(values)
             bad |= ~(finite.all(axis=1) if finite.ndim > 1 else finite)
     return bad
-
-
-def _dtype(record: str) -> Any:
-    return resolve(f"{RECORDS}:{record}").numpy_dtype()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tasuki.scene.csg import PLANE, QUADRIC, Leaf
+from tasuki.scene.kinds import UNIT_MATRIX
 
 TOLERANCE = 2.0**-20
 """Of the scene's size, and of a unit normal: what float32 cannot tell apart along a ray."""
@@ -20,12 +21,22 @@ TOLERANCE = 2.0**-20
 
 @dataclass(frozen=True)
 class Placed:
-    """Surfaces of one kind, in coordinates of memory: `values` (n, 4) or (n, 4, 4) as in `Leaf`, float64, and the
+    """Surfaces of one kind, in the scene's coordinates: `values` (n, 4) or (n, 4, 4) as in `Leaf`, float64, and the
     `middle` (n, 3) of the local coordinates of each.
     """
 
     values: np.ndarray
     middle: np.ndarray
+
+    def records(self, records: np.ndarray, rows: np.ndarray, origin: np.ndarray) -> np.ndarray:
+        """`records`, (k,), with the equations of the surfaces `rows` filled in, for points that count from `origin`."""
+        values = self.values[rows]
+        if values.ndim == 2:
+            records["normal"], records["d"] = values[:, :3], values[:, 3] + values[:, :3] @ origin
+            return records
+        shift = np.eye(4)
+        shift[:3, 3] = origin
+        return _quadric_records(records, shift.T @ values @ shift, self.middle[rows] - origin)
 
 
 @dataclass(frozen=True)
@@ -40,7 +51,7 @@ class Merged:
 
 
 def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np.ndarray) -> Placed:
-    """The surfaces of `leaves`, all of `kind`; `inverses` and `matrices` (n, 4, 4) are their own, to memory and back.
+    """The surfaces of `leaves`, all of `kind`; `matrices` (n, 4, 4) are their own, to the scene, and `inverses` back.
 
     Surfaces go by the transpose of the inverse.
     """
@@ -132,23 +143,16 @@ def _merged(features: np.ndarray, turned: np.ndarray) -> Merged:
     return Merged(first, number, turned != turned[first[number]])
 
 
-def plane_records(records: np.ndarray, planes: np.ndarray) -> np.ndarray:
-    """`records` of planes with their equations filled in."""
-    records["normal"], records["d"] = planes[:, :3], planes[:, 3]
-    return records
-
-
-def quadric_records(records: np.ndarray, quadrics: np.ndarray, middle: np.ndarray, sphere_flag: int) -> np.ndarray:
-    """`records` of quadrics with their equations filled in; spheres are flagged."""
-    middle, linear, constant = completed(quadrics, middle)
+def _quadric_records(records: np.ndarray, quadrics: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """`records` with the equations of `quadrics` (n, 4, 4) about their middles next to `near`; spheres are flagged."""
+    middle, linear, constant = completed(quadrics, near)
     q = quadrics[:, :3, :3]
-    diagonal = np.einsum("nii->ni", q)
-    is_sphere = (np.abs(q - np.eye(3)).max(axis=(1, 2), initial=0.0) < 1e-12) & (diagonal > 0.0).all(axis=1)
+    is_sphere = np.abs(q - np.eye(3)).max(axis=(1, 2), initial=0.0) < 1e-12
     records["centre"], records["constant"] = middle, constant
     for column in range(3):
         records[f"q{column + 1}"] = q[:, :, column]
         records[f"l{column + 1}"] = linear[:, column]
-    records["flags"] = np.where(is_sphere & (linear == 0.0).all(axis=1), sphere_flag, 0)
+    records["flags"] = np.where(is_sphere & (linear == 0.0).all(axis=1), UNIT_MATRIX, 0)
     return records
 
 

@@ -1,0 +1,160 @@
+"""Which solids meet: spheres that share a surface with a literal of an object, and media that touch other things."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tasuki.scene.csg import QUADRIC, Leaf, Tree
+from tasuki.scene.flatten import OBJECT, Flat, FlatObject
+from tasuki.scene.kinds import OBJECT as OBJECT_KIND
+from tasuki.scene.kinds import record_dtype
+from tasuki.scene.objects import FAR, SLACK, Objects
+from tasuki.scene.shapes import CONE, NO_FRAME, POLYGON, SPHERE, Shapes, positions_of
+from tasuki.scene.surfaces import TOLERANCE
+
+TOUCHING = 1e-6
+"""Boxes no farther apart, in the scene's unit, are taken to touch."""
+
+
+def with_shared_spheres(flat: Flat, size: float) -> Flat:
+    """The scene with such spheres as objects that coincide with a spherical literal of one: then both are crossed at
+    one t. `size` is that of the scene.
+    """
+    spheres = flat.shapes.spheres
+    literals = [ball for one in flat.objects for ball in _balls(one.root)]
+    if not literals or not len(spheres):
+        return flat
+    features = np.column_stack([spheres.centre, spheres.radius])
+    shared = np.zeros(len(spheres), bool)
+    order = np.argsort(features[:, 0])
+    for ball in literals:
+        first, end = np.searchsorted(features[order, 0], [ball[0] - TOLERANCE * size, ball[0] + TOLERANCE * size])
+        near = order[first:end]
+        shared[near] |= (np.abs(features[near] - ball) <= TOLERANCE * size).all(axis=1)
+    return _with_objects(flat, shared) if shared.any() else flat
+
+
+def _balls(root: Tree) -> list[np.ndarray]:
+    """Centre and radius, (4,), of every spherical literal of a formula."""
+    found: list[np.ndarray] = []
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if not isinstance(node, Leaf):
+            waiting += node.children
+        elif node.kind == QUADRIC and (ball := _ball(node)) is not None:
+            found.append(ball)
+    return found
+
+
+def _ball(leaf: Leaf) -> np.ndarray | None:
+    """Centre and radius, (4,), of a quadric that is a sphere in the scene; None of any other."""
+    inverse = np.linalg.inv(leaf.matrix)
+    values = inverse.T @ np.asarray(leaf.values) @ inverse
+    q = values[:3, :3] / np.abs(values[:3, :3]).max()
+    if np.abs(q - np.eye(3)).max() > 1e-9:
+        return None
+    values = values / values[0, 0]
+    centre = -values[:3, 3]
+    return np.append(centre, np.sqrt(max(centre @ centre - values[3, 3], 0.0)))
+
+
+def _with_objects(flat: Flat, shared: np.ndarray) -> Flat:
+    """The scene with the spheres where the mask `shared` is true as objects."""
+    shapes = flat.shapes
+    numbers = np.flatnonzero(flat.sorts == SPHERE)[shared]
+    made = [_as_object(flat, position) for position in np.flatnonzero(shared).tolist()]
+    order = np.argsort(np.concatenate([np.flatnonzero(flat.sorts == OBJECT), numbers]))
+    every = [*flat.objects, *made]
+    sorts = flat.sorts.copy()
+    sorts[numbers] = OBJECT
+    spheres = shapes.spheres.take(np.flatnonzero(~shared))
+    left = Shapes(shapes.materials, sorts[sorts != OBJECT], spheres, shapes.cones, shapes.polygons, shapes.file)
+    return replace(flat, shapes=left, objects=[every[i] for i in order], sorts=sorts, positions=positions_of(sorts))
+
+
+def _as_object(flat: Flat, position: int) -> FlatObject:
+    """A sphere as an object, in the local coordinates that it had, so that its texture stays."""
+    spheres = flat.shapes.spheres
+    centre, frame = spheres.centre[position], int(spheres.frame[position])
+    matrix = np.eye(4) if frame == NO_FRAME else flat.frames[frame]
+    from_scene = np.eye(4)
+    from_scene[:3, 3] = -centre
+    unit = np.diag([1.0, 1.0, 1.0, -(spheres.radius[position] ** 2)])
+    to_middle = from_scene @ matrix
+    material, place = int(spheres.material[position]), flat.shapes.place(SPHERE, position)
+    number = int(np.flatnonzero(flat.sorts == SPHERE)[position])
+    root = Leaf(QUADRIC, to_middle.T @ unit @ to_middle, matrix, material, place)
+    return FlatObject(root, material, None, place, ("shapes", number))
+
+
+def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray) -> np.ndarray:
+    """The table "media": transparent solids that meet other things, in scene order. `quadric`: the kind of spheres.
+
+    Solids of several materials are among them in any case: their own is that of the whole.
+    """
+    clear = np.array([material.transmission > 0.0 for material in flat.materials], bool)
+    numbers, boxes = _boxes(flat, objects, origin)
+    rows = np.full(len(flat.objects), -1)
+    rows[objects.numbers] = np.arange(len(objects.numbers))
+    records = []
+    for place in np.argsort(numbers, kind="stable").tolist():
+        number = int(numbers[place])
+        sort, position = int(flat.sorts[number]), int(flat.positions[number])
+        if sort not in (SPHERE, OBJECT):
+            continue
+        material = flat.shapes.spheres.material[position] if sort == SPHERE else flat.objects[position].material
+        if not clear[material] or (sort == SPHERE and flat.shapes.spheres.radius[position] < 0.0):
+            continue
+        mixed = sort == OBJECT and _is_mixed(flat.objects[position].root)
+        if mixed or _meets(boxes, place):
+            code = position * 32 + quadric if sort == SPHERE else int(rows[position]) * 32 + OBJECT_KIND
+            records.append((boxes[place], code, material))
+    return _media_records(records)
+
+
+def _boxes(flat: Flat, objects: Objects, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers in the scene of all things, and boxes (n, 6) around them, in coordinates of memory."""
+    spheres, cones, polygons = flat.shapes.spheres, flat.shapes.cones, flat.shapes.polygons
+    reach = np.maximum(np.abs(cones.base_radius), np.abs(cones.apex_radius))[:, None]
+    low = [spheres.centre - np.abs(spheres.radius)[:, None], np.minimum(cones.base, cones.apex) - reach]
+    high = [spheres.centre + np.abs(spheres.radius)[:, None], np.maximum(cones.base, cones.apex) + reach]
+    if len(polygons):
+        low.append(np.minimum.reduceat(polygons.points, polygons.starts[:-1]))
+        high.append(np.maximum.reduceat(polygons.points, polygons.starts[:-1]))
+    shapes = np.column_stack([np.concatenate(low) - origin, np.concatenate(high) - origin])
+    of_objects = np.flatnonzero(flat.sorts == OBJECT)[objects.numbers]
+    numbers = [np.flatnonzero(flat.sorts == sort) for sort in (SPHERE, CONE, POLYGON)]
+    return np.concatenate([*numbers, of_objects]), np.concatenate([shapes, objects.boxes])
+
+
+def _meets(boxes: np.ndarray, place: int) -> bool:
+    """Whether the box at `place` touches any other."""
+    mine = boxes[place]
+    apart = (boxes[:, :3] > mine[3:] + TOUCHING).any(axis=1) | (boxes[:, 3:] < mine[:3] - TOUCHING).any(axis=1)
+    return bool((~apart).sum() > 1)
+
+
+def _is_mixed(root: Tree) -> bool:
+    """Whether a formula has literals of more than one material."""
+    found, waiting = set(), [root]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Leaf):
+            found.add(node.material)
+        else:
+            waiting += node.children
+    return len(found) > 1
+
+
+def _media_records(found: Sequence[tuple[np.ndarray, int, int]]) -> np.ndarray:
+    records = np.zeros(len(found), record_dtype("Medium"))
+    for record, (box, code, material) in zip(records, found, strict=True):
+        size = np.abs(box[np.isfinite(box)]).max(initial=1.0)
+        record["low"] = np.maximum(box[:3] - SLACK * size, -FAR)
+        record["high"] = np.minimum(box[3:] + SLACK * size, FAR)
+        record["code"], record["attribute"] = code, material
+    return records
