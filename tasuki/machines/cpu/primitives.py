@@ -92,10 +92,16 @@ def _to_f32(e: Emitter, a: Leaf) -> Leaf:
 
 
 def _to_i32(e: Emitter, a: Leaf) -> Leaf:
+    """Truncated and saturated, NaN 0. Not `llvm.fptosi.sat`, which x86 code takes lane by lane."""
+    lowest, beyond, zero = (_same(e, a, number) for number in (-(2**31), 2**31, 0))
+    over = _compare("oge", "sge")(e, a, beyond)
+    under = _compare("olt", "slt")(e, a, lowest)
+    ordered = _compare("oeq", "eq")(e, a, a)
+    fits = e.select(ordered, e.select(over, zero, e.select(under, lowest, a)), zero)
     result = e.type_of("i32", a.varying)
-    overload = f"v{e.width}i32.v{e.width}f32" if a.varying else "i32.f32"
-    text = e.intrinsic(f"llvm.fptosi.sat.{overload}", result, [(e.type_of("f32", a.varying), a.text)])
-    return Leaf("i32", a.varying, text)
+    whole = Leaf("i32", a.varying, e.value(f"fptosi {e.typed(fits)} to {result}"))
+    largest = e.constant(2**31 - 1, "i32")
+    return e.select(over, e.broadcast(largest) if a.varying else largest, whole)
 
 
 def _division(wants_quotient: bool) -> Lowering:
