@@ -86,10 +86,11 @@ def _turned(leaf: Leaf, inverted: bool) -> Leaf:
 
 def literals(root: Part) -> list[Part]:
     """The literals of a formula, by rank."""
-    return sorted((part for part in _parents_last(root) if part.leaf), key=lambda part: part.rank)
+    return sorted((part for part in parents_last(root) if part.leaf), key=lambda part: part.rank)
 
 
-def _parents_last(root: Part) -> list[Part]:
+def parents_last(root: Part) -> list[Part]:
+    """All parts of a formula, each behind those that it is made of."""
     order, waiting = [], [root]
     while waiting:
         part = waiting.pop()
@@ -106,7 +107,7 @@ LeafBoxes = Callable[[Leaf], tuple[Box, Box, Box, Box]]
 
 def with_boxes(root: Part, leaf_boxes: LeafBoxes) -> Part:
     """`root`, every part's `box`, `gap` and `waiting` found, from the literals up."""
-    for part in _parents_last(root):
+    for part in parents_last(root):
         if part.leaf:
             part.box, part.gap = leaf_boxes(part.leaf)[:2]
             continue
@@ -133,19 +134,24 @@ def _common(part: Part, boxes: Sequence[Box], leaf_boxes: LeafBoxes, *, compleme
     common = EVERYTHING
     for box in boxes:
         common = intersected(common, box)
+    for leaves in in_one_frame(part):
+        local = local_box(leaves, leaf_boxes, complement=complement)
+        common = intersected(common, transformed(local, leaves[0].matrix))
+    return common
+
+
+def in_one_frame(part: Part) -> list[list[Leaf]]:
+    """The literals among a part's operands that have their local coordinates in common, where there are several."""
     frames: dict[int, list[Leaf]] = {}
     for one in part.parts:
         if one.leaf:
             frames.setdefault(id(one.leaf.matrix), []).append(one.leaf)
-    for leaves in frames.values():
-        if len(leaves) > 1:
-            common = intersected(common, _local_box(leaves, leaf_boxes, complement=complement))
-    return common
+    return [leaves for leaves in frames.values() if len(leaves) > 1]
 
 
-def _local_box(leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: bool) -> Box:
-    """The box around what lies in all of `leaves` (`complement`: around what lies in none), by way of their own
-    coordinates.
+def local_box(leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: bool = False) -> Box:
+    """The box around what lies in all of `leaves` (`complement`: around what lies in none), in the coordinates that
+    they have in common.
     """
     box = EVERYTHING
     for leaf in leaves:
@@ -156,7 +162,7 @@ def _local_box(leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: boo
     if not is_bounded(box):
         planes = _insides(leaves, PLANE, complement=complement)
         box = polytope_box(planes, box) if len(planes) > 3 else box
-    return transformed(box, leaves[0].matrix)
+    return box
 
 
 def _insides(leaves: Sequence[Leaf], kind: str, *, complement: bool) -> list[np.ndarray]:

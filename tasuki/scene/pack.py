@@ -38,13 +38,15 @@ class Packed:
     """A packed scene, ready to have more tables added to `builder`.
 
     `primitives` are those in memory, by kind: `primitives[k].shapes[i]` is the number in the flat scene of the shape
-    from which primitive i of that kind came. Coordinates in memory count from `origin`, (3,) float64.
+    from which primitive i of that kind came. `formulas` are those of the objects, in the scene's coordinates, float64.
+    Coordinates in memory count from `origin`, (3,) float64.
     """
 
     scene: Scene
     flat: Flat
     origin: np.ndarray
     primitives: tuple[Primitives, ...]
+    formulas: Formulas
     objects: Objects
     builder: MemoryBuilder
 
@@ -96,7 +98,7 @@ def pack(scene: Scene) -> Packed:
     builder.add("media", media(flat, objects, lookup("quadric").number, origin))
     builder.add("attributes", _verified("material", _attributes(flat.materials, len(scene.lights))))
     builder.add("lights", _verified("light", _lights(scene.lights, origin)))
-    return Packed(scene, flat, origin, primitives, objects, builder)
+    return Packed(scene, flat, origin, primitives, formulas, objects, builder)
 
 
 def _records(flat: Flat, primitives: Sequence[Primitives], objects: Objects) -> dict[str, np.ndarray]:
