@@ -113,9 +113,12 @@ class Formulas:
                 centre, radius = objects[number].extent
                 box[:3], box[3:] = np.maximum(box[:3], centre - radius), np.minimum(box[3:], centre + radius)
 
-    def lower(self, origin: np.ndarray, size: float) -> Objects:
-        """The tables, for coordinates that count from `origin`, of a scene of `size`, the camera's place included."""
-        surfaces_, merged = self.placing.lower(origin, size)
+    def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> Objects:
+        """The tables, for coordinates that count from `origin`, of a scene of `size`, the camera's place included.
+
+        `standing`: how many primitives of each kind, by name, stand alone, and so before the literals' surfaces.
+        """
+        surfaces_, merged = self.placing.lower(origin, size, standing)
         tokens = Tokens()
         spans = [tokens.write(root, lambda leaf: leaf.kind not in (PLANE, QUADRIC)) for root in self.roots]
         boxes = self.boxes - np.tile(origin, 2)
@@ -168,18 +171,20 @@ class _Placing:
         """As `formula.LeafBoxes` says."""
         return self._boxes[self.row[id(leaf)]]
 
-    def lower(self, origin: np.ndarray, size: float) -> tuple[dict[str, np.ndarray], int]:
+    def lower(
+        self, origin: np.ndarray, size: float, standing: Mapping[str, int]
+    ) -> tuple[dict[str, np.ndarray], int]:
         """The tables of all kinds of surfaces, by name, and how many surfaces were merged with others."""
         tables, merged = {}, 0
         for kind in self.kinds:
-            rows = self.rows[kind.name]
+            rows, first = self.rows[kind.name], standing.get(kind.name, 0)
             if kind.name in self.kept:
-                self.codes[rows] = np.arange(len(rows)) * 32 + kind.number
+                self.codes[rows] = (first + np.arange(len(rows))) * 32 + kind.number
                 tables[kind.table_name] = self.kept[kind.name]
                 continue
             classes = self._classes(kind.name, size)
             merged += len(rows) - len(classes.first)
-            self.codes[rows] = classes.number * 32 + kind.number
+            self.codes[rows] = (first + classes.number) * 32 + kind.number
             self.turned[rows] = classes.turned
             records = np.zeros(len(classes.first), kind.record.numpy_dtype())
             records["kind"], records["attribute"], records["matrix"] = kind.number, 0, -1

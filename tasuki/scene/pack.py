@@ -89,8 +89,8 @@ def pack(scene: Scene) -> Packed:
         flat, formulas = shared, Formulas(shared.objects, flat.materials, matrices)
     origin = local_origin(middle, size)
     _verify_size(flat, size)
-    objects = formulas.lower(origin, size)
     primitives = tuple(lower(flat, origin))
+    objects = formulas.lower(origin, size, {one.kind.name: len(one.records) for one in primitives})
     builder = MemoryBuilder()
     for name, records in _records(flat, primitives, objects).items():
         builder.add(name, records)
