@@ -104,7 +104,7 @@ def welded(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shared_edges(corners: np.ndarray) -> np.ndarray:
-    """The edges of triangles with `corners` (n, 3), each once for every two triangles that meet there: FaceEdge records.
+    """FaceEdge records of triangles with `corners` (n, 3): each edge once for every two triangles that meet there.
 
     Where three or more meet, they are taken two by two; it does not matter which.
     """

@@ -25,8 +25,8 @@ from tasuki.modules.scanline.clipping import MOST_CORNERS
 from tasuki.modules.scanline.fixed import SUBPIXEL
 from tasuki.modules.shading import diffuse_and_highlight, shading
 from tasuki.native.buffers import aligned_zeros
-from tasuki.programs import REPORT, Options, executable
-from tasuki.renderers.mesh import Mesh, mesh_of
+from tasuki.programs import Options, executable
+from tasuki.renderers.mesh import mesh_of
 from tasuki.renderers.options import RenderOptions
 from tasuki.scene.memory import MOST_ROWS
 from tasuki.scene.model import Camera, PointLight, Scene
@@ -35,18 +35,18 @@ from tasuki.scene.shapes import Shapes
 
 NEAREST = 1e-6
 """Of the distance to the farthest vertex: what is nearer to the eye does not show."""
-BANDS_PER_THREAD = 8
+BANDS_PER_THREAD = 16
 """Threads take bands as they get done: with this many, the last one out keeps the others waiting for little."""
 LEAST_BAND = 3
 """A band has at least 2**LEAST_BAND rows: an edge has an entry in each band that it reaches."""
-ITEMS_PER_THREAD = 4096
+ITEMS_PER_THREAD = 16384
 """Fewer items than this are not worth another thread."""
 CHUNK = 1024
+"""Items that one of several threads takes at a time."""
 SERIAL = (reference.begin_frame, edges.lay_out_buckets, spans.draw_band)
 """Modules that decide item by item: they run with packets of one lane."""
 LANES = (
-    geometry.transform_vertex,
-    geometry.transform_normal,
+    geometry.transform,
     geometry.place_face,
     edges.clip_face,
     edges.construct_edge,
@@ -70,6 +70,7 @@ class ScanlineRenderer:
         started = perf_counter()
         self.origin = local_origin(scene)
         self.mesh = mesh_of(scene, self.origin)
+        self.corners = _box_corners(self.mesh.vertices["position"])
         self.tables: dict[str, MemoryTable] = {}
         self._fill_tables()
         self.look(scene.camera)
@@ -89,7 +90,8 @@ class ScanlineRenderer:
         mesh, options = self.mesh, self.options
         region = options.region
         quads = -(-region.width // 4)
-        self.band_shift = max(LEAST_BAND, (region.height // (BANDS_PER_THREAD * options.threads)).bit_length())
+        rows = -(-region.height // (BANDS_PER_THREAD * options.threads))
+        self.band_shift = max(LEAST_BAND, (rows - 1).bit_length())
         self.bands = -(-region.height >> self.band_shift)
         attributes, lights = _attributes_and_lights(self.scene, self.origin)
         contents: dict[str, np.ndarray | tuple[Any, int]] = {
@@ -107,6 +109,7 @@ class ScanlineRenderer:
             "partial_faces": (scan.Partial, len(mesh.faces)),
             "row_buckets": (scan.RowBucket, region.height),
             "columns": (scan.Column, self.bands * quads * 4),
+            "marks": (scan.Mark, self.bands * quads),
             "visible_faces": (scan.Visible, region.height * quads),
             "picture": (rec.Pixel, region.height * region.width),
             "views": (rec.View, 1),
@@ -179,7 +182,7 @@ class ScanlineRenderer:
         """What all samples of a picture have in common."""
         frame = self.records("frames", scan.Frame)
         view = self.records("views", rec.View)
-        far = _farthest(self.mesh.vertices["position"], frame["scene_from_object"][0], view["eye"][0])
+        far = _farthest(self.corners, frame["scene_from_object"][0], view["eye"][0])
         frame["pixel"] = np.linalg.norm(view["right"])
         frame["near"], frame["far"] = far * NEAREST, far
         frame["share"] = 1.0 / self.options.samples
@@ -195,8 +198,7 @@ class ScanlineRenderer:
         )
         mesh = self.mesh
         self._run(reference.begin_frame, 1)
-        self._run(geometry.transform_vertex, len(mesh.vertices))
-        self._run(geometry.transform_normal, len(mesh.normals))
+        self._run(geometry.transform, max(len(mesh.vertices), len(mesh.normals)))
         self._run(geometry.place_face, len(mesh.faces))
         partial = self.counted("partial")
         entries = len(mesh.edges) + MOST_CORNERS * partial
@@ -219,7 +221,7 @@ class ScanlineRenderer:
         elif items:
             serial = entry in SERIAL
             threads = min(self.options.threads, items if serial else -(-items // ITEMS_PER_THREAD))
-            chunk = 1 if serial else CHUNK
+            chunk = items if threads == 1 else 1 if serial else CHUNK
             self.programs[entry].run([Number()], items, tables=self.tables, threads=threads, chunk=chunk)
 
     def _plainly(self) -> ExitStack:
@@ -268,14 +270,18 @@ def _attributes_and_lights(scene: Scene, origin: np.ndarray) -> tuple[np.ndarray
     return memory.table("attributes"), memory.table("lights")
 
 
-def _farthest(positions: np.ndarray, scene_from_object: np.ndarray, eye: np.ndarray) -> float:
-    """At least the distance of every vertex from the eye; positive."""
+def _box_corners(positions: np.ndarray) -> np.ndarray:
+    """The corners of the box around points (n, 3): (8, 3); of no points, of none."""
     if not len(positions):
-        return 1.0
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    corners = np.array([[(low, high)[i >> axis & 1][axis] for axis in range(3)] for i in range(8)])
+        return np.zeros((0, 3))
+    ends = np.array([positions.min(axis=0), positions.max(axis=0)], np.float64)
+    return np.array([[ends[i >> axis & 1, axis] for axis in range(3)] for i in range(8)])
+
+
+def _farthest(corners: np.ndarray, scene_from_object: np.ndarray, eye: np.ndarray) -> float:
+    """More than the distance from the eye of every point in a box that is moved; positive."""
     moved = corners @ scene_from_object[:3, :3].T + scene_from_object[:3, 3]
-    return 1.01 * float(np.linalg.norm(moved - eye, axis=1).max()) or 1.0
+    return 1.01 * float(np.linalg.norm(moved - eye, axis=1).max(initial=0.0)) or 1.0
 
 
 def _row_shift(width: int) -> int:

@@ -4,11 +4,11 @@ Initialisation (module 10), update from row to row (11), and sort (12). A band's
 together; as rows go on, the front of that range becomes the active edge table.
 """
 
-from tasuki.language import i32, max, module
+from tasuki.language import i32, max, module, select
 from tasuki.modules.records import View
 from tasuki.modules.scanline.edges import end_row
 from tasuki.modules.scanline.fixed import first_from
-from tasuki.modules.scanline.records import Edge, Frame, columns, links, row_buckets, sorted_edges
+from tasuki.modules.scanline.records import Edge, Frame, columns, links, marks, row_buckets, sorted_edges
 
 
 @module(number=12, method="scanline")
@@ -20,6 +20,7 @@ def sort_active_edge(place: i32, edge: Edge, first_column: i32, view: View, fram
     """
     column = max(first_from(edge.x + i32(edge.rest > 0), frame.sample_x) - view.region_x, 0)
     if column < view.region_width:
+        marks[first_column + column >> 2].met = 1
         links[place].next = columns[first_column + column].edge
         columns[first_column + column].edge = place + 1
 
@@ -27,12 +28,11 @@ def sort_active_edge(place: i32, edge: Edge, first_column: i32, view: View, fram
 @module(number=11, method="scanline")
 def update_active_edge(edge: Edge) -> Edge:
     """An edge on the next row."""
+    rest = edge.rest + edge.step_rest
+    over = rest >= edge.height
     stepped = edge
-    stepped.x = edge.x + edge.step
-    stepped.rest = edge.rest + edge.step_rest
-    if stepped.rest >= edge.height:
-        stepped.x = stepped.x + 1
-        stepped.rest = stepped.rest - edge.height
+    stepped.x = edge.x + edge.step + i32(over)
+    stepped.rest = select(over, rest - edge.height, rest)
     return stepped
 
 
@@ -49,9 +49,7 @@ def begin_active_edges(place: i32, row: i32, first_column: i32, view: View, fram
 
 
 @module
-def continue_active_edges(
-    first: i32, end: i32, row: i32, first_column: i32, view: View, frame: Frame
-) -> i32:
+def continue_active_edges(first: i32, end: i32, row: i32, first_column: i32, view: View, frame: Frame) -> i32:
     """Bring the active edges `first` .. `end` - 1 to row `row` of the region; without those that ended, the new end."""
     kept = first
     for place in range(first, end):

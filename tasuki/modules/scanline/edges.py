@@ -2,10 +2,10 @@
 sort. An edge that reaches into several bands gets an entry in each of them. Clipped faces bring edges of their own.
 """
 
-from tasuki.language import array, atomic_add, i32, max, min, module, select, vec3
+from tasuki.language import abs, array, atomic_add, i32, max, min, module, select, vec3
 from tasuki.modules.records import views
 from tasuki.modules.scanline.clipping import MOST_CORNERS, SIDES, crossing, distance_inside
-from tasuki.modules.scanline.fixed import SUBPIXEL, SUBPIXEL_BITS, first_from, multiple
+from tasuki.modules.scanline.fixed import SUBPIXEL, SUBPIXEL_BITS, first_from, multiple, quotient
 from tasuki.modules.scanline.geometry import homogeneous, perspective
 from tasuki.modules.scanline.records import (
     WHOLE,
@@ -26,6 +26,20 @@ from tasuki.modules.scanline.records import (
 from tasuki.modules.scanline.records import faces as mesh_faces
 
 ROW_BITS = 16
+SHORT = 1 << 17
+"""In subpixels: 32 pixels."""
+
+
+@module
+def slope_multiple(n: i32, bits: i32, across: i32, height: i32) -> tuple[i32, i32]:
+    """n * across / height, rounded down, and what remains; n has `bits` bits, 13 at most.
+
+    The result must fit 28 bits. An edge that is short in both directions takes one division, any other longer.
+    """
+    if abs(across) < SHORT and height < SHORT:
+        return quotient(n * across, height)
+    slope = across // height
+    return multiple(n, bits, slope, across - slope * height, height)
 
 
 @module
@@ -37,18 +51,20 @@ def edge_between(a: ScreenVertex, b: ScreenVertex, first: i32, second: i32, samp
     down = a.y < b.y
     top_x = select(down, a.x, b.x)
     top_y = select(down, a.y, b.y)
-    bottom_x = select(down, b.x, a.x)
+    across = select(down, b.x, a.x) - top_x
     bottom_y = select(down, b.y, a.y)
+    height = bottom_y - top_y
     begin = first_from(top_y, sample_y)
     end = first_from(bottom_y, sample_y)
-    height = bottom_y - top_y
-    slope = (bottom_x - top_x) // height
-    slope_rest = bottom_x - top_x - slope * height
-    # A row that is crossed lies less than one row below the upper end.
-    x, rest = multiple(begin * SUBPIXEL + sample_y - top_y, SUBPIXEL_BITS, slope, slope_rest, height)
-    step, step_rest = multiple(SUBPIXEL, SUBPIXEL_BITS + 1, slope, slope_rest, height)
-    rows = select(begin < end, begin << ROW_BITS | end, 0)
-    return Edge(top_x + x, rest, step, step_rest, height, rows, first, second)
+    edge = Edge(top_x, 0, 0, 0, height, 0, first, second)
+    if begin < end:
+        edge.rows = begin << ROW_BITS | end
+        # The first row lies less than a row below the upper end. An edge that crosses one row only needs no step.
+        way, edge.rest = slope_multiple(begin * SUBPIXEL + sample_y - top_y, SUBPIXEL_BITS, across, height)
+        edge.x = top_x + way
+        if begin + 1 < end:
+            edge.step, edge.step_rest = slope_multiple(SUBPIXEL, SUBPIXEL_BITS + 1, across, height)
+    return edge
 
 
 @module

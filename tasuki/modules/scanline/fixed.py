@@ -1,6 +1,6 @@
 """Screen coordinates in fixed point, and exact multiples of fractions in 32 bits."""
 
-from tasuki.language import f32, floor, i32, module, select
+from tasuki.language import f32, floor, i32, module, reciprocal, select
 
 SUBPIXEL_BITS = 12
 SUBPIXEL = 1 << SUBPIXEL_BITS
@@ -40,3 +40,18 @@ def multiple(n: i32, bits: i32, whole: i32, rest: i32, divisor: i32) -> tuple[i3
         total += i32(over)
         part = select(over, part - divisor, part)
     return total, part
+
+
+@module
+def quotient(n: i32, divisor: i32) -> tuple[i32, i32]:
+    """floor(n / divisor) and what remains, exact where |n| < 2**30, 0 < divisor < 2**30, |n / divisor| < 2**20.
+
+    By the f32 quotient, whose error is then less than 1: lanes have no division of integers.
+    """
+    near = i32(floor(f32(n) * reciprocal(f32(divisor))))
+    rest = n - near * divisor
+    below = rest < 0
+    near = select(below, near - 1, near)
+    rest = select(below, rest + divisor, rest)
+    above = rest >= divisor
+    return select(above, near + 1, near), select(above, rest - divisor, rest)

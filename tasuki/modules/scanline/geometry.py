@@ -66,20 +66,18 @@ def perspective(point: vec3) -> ScreenVertex:
 
 
 @module
-def transform_vertex(index: i32):
-    """Modules 3 and 7 for one vertex, and the sides of the view that it lies beyond."""
+def transform(index: i32):
+    """Modules 3 and 7 for one vertex, with the sides of the view that it lies beyond; module 6 for one normal."""
     view = views[0]
     frame = frames[0]
-    position = vertex_to_reference(vertices[index].position, frame.reference_from_object)
-    point = homogeneous(position, view, frame)
-    reference_vertices[index] = ReferenceVertex(position, outcode(point, view, frame))
-    screen_vertices[index] = perspective(point)
-
-
-@module
-def transform_normal(index: i32):
-    """Module 6 for one normal."""
-    reference_normals[index] = VertexNormal(vertex_normal(vertex_normals[index].normal, frames[0].reference_from_normal))
+    if index < len(vertices):
+        position = vertex_to_reference(vertices[index].position, frame.reference_from_object)
+        point = homogeneous(position, view, frame)
+        reference_vertices[index] = ReferenceVertex(position, outcode(point, view, frame))
+        screen_vertices[index] = perspective(point)
+    if index < len(vertex_normals):
+        normal = vertex_normal(vertex_normals[index].normal, frame.reference_from_normal)
+        reference_normals[index] = VertexNormal(normal)
 
 
 @module
@@ -94,21 +92,45 @@ def face_state(outside_all: i32, outside_any: i32, flags: i32, away: bool) -> i3
 
 
 @module
+def plane_of(a: vec3, b: vec3, c: vec3, normal_a: vec3, normal_b: vec3, normal_c: vec3) -> FacePlane:
+    """The plane of a triangle, by module 5, and the normal over it; `state` and `attribute` are left to be filled in.
+
+    A corner weighs as much in a direction as the tetrahedron of the eye, the direction and the opposite edge is large,
+    so that no corner need lie before the eye.
+    """
+    normal = face_normal(a, b, c)
+    distance = dot(normal, a)
+    scale = -reciprocal(abs(distance))
+    at_a = scale * cross(b, c)
+    at_b = scale * cross(c, a)
+    at_c = scale * cross(a, b)
+    normal_x = normal_a.x * at_a + normal_b.x * at_b + normal_c.x * at_c
+    normal_y = normal_a.y * at_a + normal_b.y * at_b + normal_c.y * at_c
+    normal_z = normal_a.z * at_a + normal_b.z * at_b + normal_c.z * at_c
+    return FacePlane(normal / distance, HIDDEN, normal_x, 0, normal_y, normal_z)
+
+
+@module
 def place_face(index: i32):
-    """The plane of one face by module 5, and whether it shows; a face that must be clipped is noted."""
+    """Whether one face shows, and if so its plane; a face that must be clipped is noted."""
     face = faces[index]
     a = reference_vertices[face.a]
     b = reference_vertices[face.b]
     c = reference_vertices[face.c]
-    normal = face_normal(a.position, b.position, c.position)
-    distance = dot(normal, a.position)
-    slope = normal / distance
-    state = face_state(
-        a.outcode & b.outcode & c.outcode, a.outcode | b.outcode | c.outcode, face.flags, distance >= 0.0
-    )
-    steepest = max(max(abs(slope.x), abs(slope.y)), abs(slope.z))
-    if not steepest < STEEPEST:
-        state = HIDDEN
-    face_planes[index] = FacePlane(slope, state)
-    if state == PARTIAL:
-        partial_faces[atomic_add(frame_counts[0].partial, 1)].face = index
+    away = dot(face_normal(a.position, b.position, c.position), a.position) >= 0.0
+    state = face_state(a.outcode & b.outcode & c.outcode, a.outcode | b.outcode | c.outcode, face.flags, away)
+    if state != HIDDEN:
+        normal_a = reference_normals[face.normal_a].normal
+        normal_b = reference_normals[face.normal_b].normal
+        normal_c = reference_normals[face.normal_c].normal
+        plane = plane_of(a.position, b.position, c.position, normal_a, normal_b, normal_c)
+        steepest = max(max(abs(plane.slope.x), abs(plane.slope.y)), abs(plane.slope.z))
+        if not steepest < STEEPEST:
+            state = HIDDEN
+        plane.state = state
+        plane.attribute = face.attribute
+        face_planes[index] = plane
+        if state == PARTIAL:
+            partial_faces[atomic_add(frame_counts[0].partial, 1)].face = index
+    else:
+        face_planes[index].state = HIDDEN

@@ -4,10 +4,11 @@ H. Gouraud, "Continuous Shading of Curved Surfaces", 1971; B. T. Phong, "Illumin
 1975. Interpolation is that of the face in space, not on the screen.
 """
 
-from tasuki.language import cross, dot, i32, max, min, module, norm, normalize, reciprocal, select, socket, vec3
+from tasuki.language import cross, dot, f32, i32, max, min, module, norm, normalize, reciprocal, select, socket, vec3
 from tasuki.modules.records import Attribute, Pixel, attributes, picture, views
 from tasuki.modules.scanline.records import (
     Face,
+    FacePlane,
     Visible,
     face_planes,
     faces,
@@ -28,56 +29,46 @@ def luminance(face: i32, direction: vec3) -> vec3:
 
 
 @module
-def point_seen(face: i32, direction: vec3) -> vec3:
-    """The point of a face in a direction with z = 1, no nearer and no farther than anything is."""
+def nearness(plane: FacePlane, direction: vec3) -> f32:
+    """1 / z of the point of a face in a direction with z = 1, which is within the bounds of everything's."""
     frame = frames[0]
-    height = dot(face_planes[face].slope, direction)
-    return direction * min(max(reciprocal(height), frame.near), frame.far)
+    return min(max(dot(plane.slope, direction), 1.0 / frame.far), 1.0 / frame.near)
 
 
 @module
-def weights(face: Face, direction: vec3) -> tuple[vec3, bool]:
-    """The share of each corner in the point seen in a direction; whether it is the back that is seen.
-
-    Each is the volume between the eye, the direction and the opposite edge: no corner need lie before the eye.
-    """
+def weights(face: Face, direction: vec3) -> vec3:
+    """The share of each corner in the point of a face that is seen in a direction."""
     a = reference_vertices[face.a].position
     b = reference_vertices[face.b].position
     c = reference_vertices[face.c].position
     volumes = vec3(dot(direction, cross(b, c)), dot(direction, cross(c, a)), dot(direction, cross(a, b)))
-    whole = volumes.x + volumes.y + volumes.z
-    return volumes / whole, whole > 0.0
+    return volumes / (volumes.x + volumes.y + volumes.z)
 
 
 @module
-def facing_normal(face: i32) -> vec3:
+def facing_normal(plane: FacePlane) -> vec3:
     """The unit normal of a face, on the side where the eye is."""
-    return -normalize(face_planes[face].slope)
+    return -normalize(plane.slope)
 
 
 @module
-def smooth_normal(face: i32, share: vec3, back: bool) -> vec3:
-    """The unit normal between those at the corners, on the side that is seen; the face's, where there is none."""
-    corner = faces[face]
-    normal = (
-        share.x * reference_normals[corner.normal_a].normal
-        + share.y * reference_normals[corner.normal_b].normal
-        + share.z * reference_normals[corner.normal_c].normal
-    )
+def smooth_normal(plane: FacePlane, direction: vec3) -> vec3:
+    """The unit normal interpolated between the corners, on the side that is seen; the face's, where there is none."""
+    normal = vec3(dot(plane.normal_x, direction), dot(plane.normal_y, direction), dot(plane.normal_z, direction))
     length = norm(normal)
-    outward = normal * reciprocal(length)
-    facing = select(back, -outward, outward)
-    return select(length > 0.0, facing, facing_normal(face))
+    return select(length > 0.0, normal * reciprocal(length), facing_normal(plane))
 
 
 @module
-def light_from(attribute: Attribute, point: vec3, normal: vec3) -> vec3:
-    """What all lamps send from a point towards the eye. A lamp behind the surface sends nothing; none is in shadow."""
+def light_from(attribute: Attribute, way: vec3, scale: f32, normal: vec3) -> vec3:
+    """What all lamps send from the point way / scale towards the eye. A lamp behind the surface sends nothing; none is
+    in shadow.
+    """
     result = attribute.ambient * attribute.colour
-    direction = normalize(point)
+    direction = normalize(way)
     for n in range(len(reference_lights)):
         light = reference_lights[n]
-        to_light = normalize(light.position - point)
+        to_light = normalize(scale * light.position - way)
         if dot(normal, to_light) > 0.0:
             result = result + shading(attribute, normal, direction, to_light, light.colour)
     return result
@@ -86,20 +77,30 @@ def light_from(attribute: Attribute, point: vec3, normal: vec3) -> vec3:
 @module(number=13, method="scanline", fills="luminance")
 def phong_luminance(face: i32, direction: vec3) -> vec3:
     """The luminance with the normal interpolated between the corners."""
-    share, back = weights(faces[face], direction)
-    normal = smooth_normal(face, share, back)
-    return light_from(attributes[faces[face].attribute], point_seen(face, direction), normal)
+    plane = face_planes[face]
+    return light_from(
+        attributes[plane.attribute], direction, nearness(plane, direction), smooth_normal(plane, direction)
+    )
+
+
+@module
+def corner_luminance(plane: FacePlane, corner: vec3, normal: vec3) -> vec3:
+    """The luminance at a corner with this normal, which may point to either side."""
+    outward = normalize(normal)
+    facing = select(dot(facing_normal(plane), outward) < 0.0, -outward, outward)
+    return light_from(attributes[plane.attribute], corner, 1.0, facing)
 
 
 @module(number=13, method="scanline", fills="luminance")
 def gouraud_luminance(face: i32, direction: vec3) -> vec3:
     """The luminances at the corners, interpolated."""
     corners = faces[face]
-    attribute = attributes[corners.attribute]
-    share, back = weights(corners, direction)
-    at_a = light_from(attribute, reference_vertices[corners.a].position, smooth_normal(face, vec3(1, 0, 0), back))
-    at_b = light_from(attribute, reference_vertices[corners.b].position, smooth_normal(face, vec3(0, 1, 0), back))
-    at_c = light_from(attribute, reference_vertices[corners.c].position, smooth_normal(face, vec3(0, 0, 1), back))
+    plane = face_planes[face]
+    share = weights(corners, direction)
+    a, b, c = reference_vertices[corners.a], reference_vertices[corners.b], reference_vertices[corners.c]
+    at_a = corner_luminance(plane, a.position, reference_normals[corners.normal_a].normal)
+    at_b = corner_luminance(plane, b.position, reference_normals[corners.normal_b].normal)
+    at_c = corner_luminance(plane, c.position, reference_normals[corners.normal_c].normal)
     return share.x * at_a + share.y * at_b + share.z * at_c
 
 
@@ -107,12 +108,9 @@ def gouraud_luminance(face: i32, direction: vec3) -> vec3:
 def flat_luminance(face: i32, direction: vec3) -> vec3:
     """The luminance in the middle of the face, with the face's normal: one for all of it."""
     corners = faces[face]
-    whole = (
-        reference_vertices[corners.a].position
-        + reference_vertices[corners.b].position
-        + reference_vertices[corners.c].position
-    )
-    return light_from(attributes[corners.attribute], whole / 3.0, facing_normal(face))
+    plane = face_planes[face]
+    a, b, c = reference_vertices[corners.a], reference_vertices[corners.b], reference_vertices[corners.c]
+    return light_from(attributes[plane.attribute], a.position + b.position + c.position, 3.0, facing_normal(plane))
 
 
 @module
@@ -125,7 +123,10 @@ def one_of_four(four: Visible, number: i32) -> i32:
 
 @module
 def draw_pixel(item: i32):
-    """Add what a sample of one pixel shows to the picture; the first replaces what was there. A row's pixels begin at a multiple of 2**row_shift."""
+    """Add what a sample of one pixel shows to the picture; the first sample replaces what was there.
+
+    A row's pixels begin at a multiple of 2**row_shift.
+    """
     view = views[0]
     frame = frames[0]
     row = item >> frame.row_shift

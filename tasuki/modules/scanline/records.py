@@ -94,10 +94,18 @@ class ScreenVertex:
 
 @record
 class FacePlane:
-    """Where a face lies: a point seen in direction (x, y, 1) has depth z with 1 / z = slope . (x, y, 1)."""
+    """What is linear over the screen: in direction d = (x, y, 1) the face has depth z with 1 / z = slope . d.
+
+    The normal there, on the side that is seen and of any length, is (normal_x . d, normal_y . d, normal_z . d). Only
+    `state` is defined of a face that is hidden.
+    """
 
     slope: vec3
     state: i32
+    normal_x: vec3
+    attribute: i32
+    normal_y: vec3
+    normal_z: vec3
 
 
 @record
@@ -127,8 +135,7 @@ class Edge:
 
 @record
 class RowBucket:
-    """Of the sorted edge table: how many edges begin on a row, where the first of them stands, and where the last ends.
-    """
+    """Of the sorted edge table: how many edges begin on a row, the place of the first, and that after the last."""
 
     count: i32
     begin: i32
@@ -148,6 +155,13 @@ class Column:
     """The active edges that a row meets at one pixel: one more than the first one's place; 0: none."""
 
     edge: i32
+
+
+@record
+class Mark:
+    """Whether a row meets active edges at any of four pixels next to each other: not 0."""
+
+    met: i32
 
 
 @record
@@ -190,6 +204,7 @@ edges = Table(Edge)
 row_buckets = Table(RowBucket)
 sorted_edges = Table(Edge)
 columns = Table(Column)
+marks = Table(Mark)
 links = Table(Link)
 layers = Table(Layer)
 visible_faces = Table(Visible)

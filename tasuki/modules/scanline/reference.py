@@ -2,7 +2,15 @@
 
 from tasuki.language import cross, dot, f32, i32, mat4, module, normalize, vec3, vec4
 from tasuki.modules.records import View, lights, views
-from tasuki.modules.scanline.records import FrameCounts, Frame, RowBucket, frame_counts, frames, reference_lights, row_buckets
+from tasuki.modules.scanline.records import (
+    Frame,
+    FrameCounts,
+    RowBucket,
+    frame_counts,
+    frames,
+    reference_lights,
+    row_buckets,
+)
 
 
 @module(number=1, method="scanline")

@@ -16,6 +16,7 @@ from tasuki.modules.scanline.records import (
     frames,
     layers,
     links,
+    marks,
     row_buckets,
     sorted_edges,
     visible_faces,
@@ -39,16 +40,28 @@ def toggle(face: i32, first: i32, end: i32) -> i32:
 
 
 @module
-def pass_edges(edge: i32, first: i32, end: i32) -> i32:
-    """The end of the layers behind all edges that are met at one pixel."""
+def pass_edges(edge: i32, first: i32, end: i32, alone: i32) -> tuple[i32, i32]:
+    """The layers behind all edges that are met at one pixel: their end, and the face that is alone.
+
+    A span in one face, as most are, or in none has no layers; the face, or -1, is `alone`.
+    """
     while edge != 0:
         passed = sorted_edges[edge - 1]
-        if passed.first >= 0:
-            end = toggle(passed.first, first, end)
-        if passed.second >= 0:
-            end = toggle(passed.second, first, end)
+        if end == first and (passed.first == alone or passed.second == alone):
+            # From the face on one side to that on the other, whichever is which.
+            alone = alone ^ passed.first ^ passed.second
+        else:
+            if end == first and alone != NOTHING:
+                end = toggle(alone, first, end)
+            if passed.first != NOTHING:
+                end = toggle(passed.first, first, end)
+            if passed.second != NOTHING:
+                end = toggle(passed.second, first, end)
+            if end <= first + 1:
+                alone = layers[first].face if end > first else NOTHING
+                end = first
         edge = links[edge - 1].next
-    return end
+    return end, alone
 
 
 @module
@@ -71,25 +84,24 @@ def next_edge(column: i32, first_column: i32, width: i32) -> i32:
     """The first pixel after `column` at which an edge is met, or the end of the row."""
     following = column + 1
     while following < width:
-        if columns[first_column + following].edge != 0:
+        if following & 3 == 0 and marks[first_column + following >> 2].met == 0:
+            following += 4
+        elif columns[first_column + following].edge != 0:
             return following
-        following += 1
-    return width
+        else:
+            following += 1
+    return min(following, width)
 
 
 @module
-def visible_face(
+def nearest_until(
     first: i32, end: i32, column: i32, row: i32, first_column: i32, view: View, frame: Frame
 ) -> tuple[i32, i32]:
-    """The face that shows from a pixel on, and the first pixel, at most the next edge, where another may.
+    """The layer that is nearest from a pixel on, and the first pixel, at most the next edge, where another may be.
 
     Depth is linear in 1 / z along a row: a face that is nearest at both ends of a span is nearest in all of it. Where
     it is not, faces cross, and the last pixel where it still is is found by bisection.
     """
-    if end == first:
-        return NOTHING, view.region_width
-    if end == first + 1:
-        return layers[first].face, view.region_width
     nearest = nearest_face(first, end, column, row, view, frame)
     known = column
     beyond = next_edge(column, first_column, view.region_width)
@@ -108,17 +120,24 @@ def draw_row(row: i32, first: i32, first_column: i32, view: View, frame: Frame):
     """The faces that show on one row of the region, four pixels at a time; its active edges have been sorted."""
     quads = quads_across(view)
     end = first
+    alone = NOTHING
     shown = NOTHING
-    until = view.region_width
+    until = 4 * quads
     for quad in range(quads):
-        four = Visible(NOTHING, NOTHING, NOTHING, NOTHING)
-        for column in range(4 * quad, 4 * quad + 4):
-            edge = columns[first_column + column].edge
-            if edge != 0 or column == until:
-                columns[first_column + column].edge = 0
-                end = pass_edges(edge, first, end)
-                shown, until = visible_face(first, end, column, row, first_column, view, frame)
-            four = Visible(four.b, four.c, four.d, shown)
+        mark = (first_column >> 2) + quad
+        four = Visible(shown, shown, shown, shown)
+        if marks[mark].met != 0 or until < 4 * quad + 4:
+            marks[mark].met = 0
+            for column in range(4 * quad, 4 * quad + 4):
+                edge = columns[first_column + column].edge
+                if edge != 0 or column == until:
+                    columns[first_column + column].edge = 0
+                    end, alone = pass_edges(edge, first, end, alone)
+                    shown = alone
+                    until = 4 * quads
+                    if end > first:
+                        shown, until = nearest_until(first, end, column, row, first_column, view, frame)
+                four = Visible(four.b, four.c, four.d, shown)
         visible_faces[row * quads + quad] = four
 
 
