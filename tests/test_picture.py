@@ -46,7 +46,7 @@ def pixels() -> np.ndarray:
 @pytest.fixture
 def scene() -> Scene:
     camera = Camera(eye=(0.0, -5.0, 0.0), at=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), angle=40.0, resolution=(12, 8))
-    ball = Sphere((0.0, 0.0, 0.0), 1.0, Material("red", colour=(1.0, 0.0, 0.0)))
+    ball = Sphere((0.0, 0.0, 0.0), 1.0, material=Material("red", colour=(1.0, 0.0, 0.0)))
     return Scene(camera, [ball], [PointLight((5.0, -5.0, 5.0))], background=(0.0, 0.0, 1.0))
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tasuki.scene.flatten import Flat
 from tasuki.scene.kinds import UNIT_MATRIX, PrimitiveKind, lookup
-from tasuki.scene.model import Scene
 from tasuki.scene.shapes import CONE, POLYGON, SPHERE, Batch, Polygons
 from tasuki.scene.triangulate import flat_convex_quads, triangulate
 
@@ -25,39 +25,39 @@ NO_MATRIX = -1
 
 @dataclass(frozen=True)
 class Primitives:
-    """All primitives of one kind: their `records`, and of each the number of the shape it came from."""
+    """All primitives of one kind: their `records`, and of each the number of its shape in the flat scene."""
 
     kind: PrimitiveKind
     records: np.ndarray
     shapes: np.ndarray
 
 
-def lower(scene: Scene, origin: np.ndarray) -> list[Primitives]:
-    """The primitives of the scene, by kind in the order of kinds; kinds without any are left out.
+def lower(flat: Flat, origin: np.ndarray) -> list[Primitives]:
+    """The primitives of the batches of a scene, by kind in the order of kinds; kinds without any are left out.
 
     Their coordinates count from `origin`, (3,) float64 in the scene's own.
     """
-    lowered = [_spheres(scene, origin), _cones(scene, origin), *_polygons(scene, origin)]
+    lowered = [_spheres(flat, origin), _cones(flat, origin), *_polygons(flat, origin)]
     return sorted((one for one in lowered if len(one.records)), key=lambda one: one.kind.number)
 
 
-def _spheres(scene: Scene, origin: np.ndarray) -> Primitives:
+def _spheres(flat: Flat, origin: np.ndarray) -> Primitives:
     """(P - centre)^T I (P - centre) = radius^2."""
-    spheres = scene.shapes.spheres
-    kind, records = _records("quadric", scene, spheres, inside_only=spheres.radius < 0.0)
+    spheres = flat.shapes.spheres
+    kind, records = _records("quadric", flat, spheres, inside_only=spheres.radius < 0.0)
     records["centre"] = _float32(spheres.centre - origin)
     records["constant"] = _float32(spheres.radius**2)
     records["q1"] = (1.0, 0.0, 0.0)
     records["q2"] = (0.0, 1.0, 0.0)
     records["q3"] = (0.0, 0.0, 1.0)
     records["flags"] |= UNIT_MATRIX
-    return Primitives(kind, records, _shape_numbers(scene, SPHERE))
+    return Primitives(kind, records, _shape_numbers(flat, SPHERE))
 
 
-def _cones(scene: Scene, origin: np.ndarray) -> Primitives:
-    cones = scene.shapes.cones
+def _cones(flat: Flat, origin: np.ndarray) -> Primitives:
+    cones = flat.shapes.cones
     inside_only = (cones.base_radius < 0.0) | (cones.apex_radius < 0.0)
-    kind, records = _records("cone", scene, cones, inside_only=inside_only)
+    kind, records = _records("cone", flat, cones, inside_only=inside_only)
     along = cones.apex - cones.base
     length = np.linalg.norm(along, axis=1)
     base_radius, apex_radius = np.abs(cones.base_radius), np.abs(cones.apex_radius)
@@ -66,33 +66,33 @@ def _cones(scene: Scene, origin: np.ndarray) -> Primitives:
     records["axis"] = along / length[:, None]
     records["length"] = _float32(length)
     records["slope"] = _float32((apex_radius - base_radius) / length)
-    return Primitives(kind, records, _shape_numbers(scene, CONE))
+    return Primitives(kind, records, _shape_numbers(flat, CONE))
 
 
-def _polygons(scene: Scene, origin: np.ndarray) -> list[Primitives]:
+def _polygons(flat: Flat, origin: np.ndarray) -> list[Primitives]:
     """Flat convex polygons of four corners as quads, all others as triangles."""
-    polygons = scene.shapes.polygons
+    polygons = flat.shapes.polygons
     whole = np.flatnonzero(flat_convex_quads(polygons))
     quad_corners = polygons.starts[whole, None] + np.arange(4)
     corners, owner = triangulate(polygons)
     left = ~np.isin(owner, whole)
     return [
-        _flat_primitives("triangle", scene, origin, corners[left], owner[left]),
-        _flat_primitives("quad", scene, origin, quad_corners, whole),
+        _flat_primitives("triangle", flat, origin, corners[left], owner[left]),
+        _flat_primitives("quad", flat, origin, quad_corners, whole),
     ]
 
 
 def _flat_primitives(
-    kind_name: str, scene: Scene, origin: np.ndarray, corners: np.ndarray, owner: np.ndarray
+    kind_name: str, flat: Flat, origin: np.ndarray, corners: np.ndarray, owner: np.ndarray
 ) -> Primitives:
     """Primitives with `corners` (n, 3 or 4), indices into the polygons' points; `owner` is the polygon of each."""
-    polygons = scene.shapes.polygons
-    kind, records = _records(kind_name, scene, polygons, smooth=polygons.smooth, owner=owner)
+    polygons = flat.shapes.polygons
+    kind, records = _records(kind_name, flat, polygons, smooth=polygons.smooth, owner=owner)
     normals = _corner_normals(polygons)
     for corner, name in enumerate("abcd"[: corners.shape[1]]):
         records[name] = _float32(polygons.points[corners[:, corner]] - origin)
         records[f"normal_{name}"] = _float32(normals[corners[:, corner]])
-    return Primitives(kind, records, _shape_numbers(scene, POLYGON)[owner])
+    return Primitives(kind, records, _shape_numbers(flat, POLYGON)[owner])
 
 
 def _corner_normals(polygons: Polygons) -> np.ndarray:
@@ -105,7 +105,7 @@ def _corner_normals(polygons: Polygons) -> np.ndarray:
 
 def _records(
     kind_name: str,
-    scene: Scene,
+    flat: Flat,
     batch: Batch,
     *,
     inside_only: np.ndarray | bool = False,
@@ -114,8 +114,8 @@ def _records(
 ) -> tuple[PrimitiveKind, np.ndarray]:
     """Records with their first row filled: kind, attribute, matrix, flags. `owner[i]` is the shape of record i."""
     kind = lookup(kind_name)
-    two_sided = np.array([material.shows_both_sides() for material in scene.materials], bool)
-    two_sided_patch = np.array([material.shows_both_sides(smooth=True) for material in scene.materials], bool)
+    two_sided = np.array([material.shows_both_sides() for material in flat.materials], bool)
+    two_sided_patch = np.array([material.shows_both_sides(smooth=True) for material in flat.materials], bool)
     both = np.where(smooth, two_sided_patch[batch.material], two_sided[batch.material])
     shape_flags = np.where(inside_only, INSIDE_ONLY, np.where(both, TWO_SIDED, 0))
     flags = shape_flags[owner]
@@ -127,8 +127,8 @@ def _records(
     return kind, records
 
 
-def _shape_numbers(scene: Scene, sort: int) -> np.ndarray:
-    return np.flatnonzero(scene.shapes.sorts == sort)
+def _shape_numbers(flat: Flat, sort: int) -> np.ndarray:
+    return np.flatnonzero(flat.sorts == sort)
 
 
 def _float32(values: np.ndarray) -> np.ndarray:

@@ -1,8 +1,8 @@
 """What a scene is: plain values, whatever file or program they come from.
 
 Lengths have the scene's own unit, colours are linear RGB (1 is full), angles are degrees. Coordinates are right-handed.
-`Scene.shapes` behaves as a sequence of `Sphere`, `Cone` and `Polygon` in scene order, but stands in arrays
-(`tasuki.scene.shapes`), so that a hundred thousand polygons cost no Python object each.
+`Scene.shapes` behaves as the sequence of the nodes that the scene consists of, in order, but as far as it can it stands
+in arrays (`tasuki.scene.shapes`), so that a hundred thousand polygons cost no Python object each.
 """
 
 from __future__ import annotations
@@ -10,27 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from tasuki.scene.shapes import Colour, Cone, Material, Polygon, Shape, Shapes, Sphere, Vector
-
-__all__ = [
-    "Camera",
-    "Colour",
-    "Cone",
-    "Material",
-    "PointLight",
-    "Polygon",
-    "Scene",
-    "Shape",
-    "Shapes",
-    "Sphere",
-    "Vector",
-    "ViewFrame",
-    "default_intensity",
-]
+from tasuki.scene.material import Colour, Material, Vector
+from tasuki.scene.shapes import Shape, Shapes
 
 
 @dataclass(frozen=True)
@@ -92,16 +77,27 @@ class PointLight:
     colour: Colour | None = None
 
 
+@dataclass(frozen=True)
+class DirectionalLight:
+    """Light that travels in one `direction`, of any length, as the sun's does; without a colour as a `PointLight`."""
+
+    direction: Vector
+    colour: Colour | None = None
+
+
+Light: TypeAlias = PointLight | DirectionalLight
+
+
 @dataclass(init=False)
 class Scene:
     """Everything that is drawn. `warnings` tells what an importer left out or assumed; it takes no part in equality.
 
-    `shapes` may be given as any iterable of shapes; it is kept as `tasuki.scene.shapes.Shapes`.
+    `shapes` may be given as any iterable of nodes; it is kept as `tasuki.scene.shapes.Shapes`.
     """
 
     camera: Camera
     background: Colour
-    lights: tuple[PointLight, ...]
+    lights: tuple[Light, ...]
     shapes: Shapes
     warnings: list[str] = field(compare=False, repr=False)
 
@@ -109,7 +105,7 @@ class Scene:
         self,
         camera: Camera,
         shapes: Iterable[Shape] | Shapes,
-        lights: Sequence[PointLight] = (),
+        lights: Sequence[Light] = (),
         background: Colour = (0.0, 0.0, 0.0),
         warnings: Iterable[str] = (),
     ) -> None:
@@ -121,7 +117,7 @@ class Scene:
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """All materials; `material` of a batch of shapes is an index into them."""
+        """All materials of the shapes; `material` of a batch is an index into them."""
         return self.shapes.materials
 
 

@@ -1,115 +1,65 @@
-"""Shapes and what they are made of: single values for people, arrays for large scenes.
+"""The shapes of a scene: nodes for people, arrays for large scenes.
 
-`Shapes` is the sequence of a scene's shapes. It stands in three batches of arrays, one for each sort of shape, and an
-array that gives the sort of every shape in scene order; a `Sphere`, `Cone` or `Polygon` is made only when somebody
-asks for it.
+`Shapes` is the sequence of a scene's nodes. Plain spheres, open cones and cylinders, and polygons stand in three
+batches of arrays; any other node is kept as it is; and an array gives the sort of every entry in scene order. So a
+hundred thousand polygons cost no Python object each: one is made only when somebody asks for it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TypeAlias, overload
+from typing import Any, TypeAlias, TypeVar, overload
 
 import numpy as np
 
-from tasuki.diagnostics import Diagnostic, SceneError, Span
+from tasuki.diagnostics import Span
+from tasuki.scene.material import PLAIN, Material, Vector
+from tasuki.scene.solids import Cone, Cylinder, Polygon, Sphere
+from tasuki.scene.transforms import IDENTITY
+from tasuki.scene.tree import Bounded, Many, Node, materials_of, with_materials
 
-Vector: TypeAlias = tuple[float, float, float]
-Colour: TypeAlias = tuple[float, float, float]
+SPHERE, CONE, POLYGON, NODE = range(4)
+"""Sorts of entries, as they stand in `Shapes.sorts`; a NODE is one of the tree that no batch holds."""
 
-SPHERE, CONE, POLYGON = range(3)
-"""Sorts of shapes, as they stand in `Shapes.sorts`."""
+Shape: TypeAlias = Node
 
+NO_FRAME = -1
+"""The frame of what stands in the scene's own coordinates."""
 
-@dataclass(frozen=True)
-class Material:
-    """What a surface is made of.
+LEAST_AREA = 1e-10
+"""Area of a polygon, in units of its outline's length squared, below which it is a line: what rounding alone leaves."""
 
-    `ambient` is the share of `colour` that shows without any light; None: `diffuse` times `default_intensity`.
-    `exponent` is Phong's. `reflection` weighs the mirrored ray; `transmission` of the light enters the surface, split
-    by Fresnel's equations, and `transmittance` of it passes each unit of the way inside. `two_sided` None: both sides
-    show where `transmission` > 0 (so says NFF), and on patches with normals, which approximate curved sheets; elsewhere
-    the outside (of a polygon: the front) alone.
-    """
-
-    name: str = "default"
-    colour: Colour = (1.0, 1.0, 1.0)
-    ambient: float | None = None
-    diffuse: float = 1.0
-    specular: float = 0.0
-    exponent: float = 1.0
-    reflection: float = 0.0
-    transmission: float = 0.0
-    index: float = 1.0
-    transmittance: Colour = (1.0, 1.0, 1.0)
-    two_sided: bool | None = None
-
-    def shows_both_sides(self, *, smooth: bool = False) -> bool:
-        """Whether a shape of this material shows from both sides; `smooth`: it is a patch with normals."""
-        if self.two_sided is not None:
-            return self.two_sided
-        return self.transmission > 0.0 or smooth
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """A sphere; a negative radius: only its inside is visible."""
-
-    centre: Vector
-    radius: float
-    material: Material = Material()
-    place: Span | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True)
-class Cone:
-    """An open cone or, with equal radii, cylinder, without caps; both radii negative: only its inside is visible."""
-
-    base: Vector
-    base_radius: float
-    apex: Vector
-    apex_radius: float
-    material: Material = Material()
-    place: Span | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True)
-class Polygon:
-    """A flat polygon, convex or concave, its points counterclockwise as seen from the front.
-
-    `normals`, one for each point and of any length, make it a patch: shading interpolates them. SceneError where there
-    are fewer than three points, or not as many normals as points.
-    """
-
-    points: tuple[Vector, ...]
-    normals: tuple[Vector, ...] | None = None
-    material: Material = Material()
-    place: Span | None = field(default=None, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        found, normals = len(self.points), len(self.normals or self.points)
-        if found < 3:
-            problem = Diagnostic("a polygon needs at least 3 points", self.place, "3 or more points", str(found))
-            raise SceneError(str(problem))
-        if normals != found:
-            problem = Diagnostic("a patch needs a normal for every point", self.place, f"{found} normals", str(normals))
-            raise SceneError(str(problem))
-
-
-Shape: TypeAlias = Sphere | Cone | Polygon
+_Batch = TypeVar("_Batch", bound="Batch")
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Shapes of one sort: of each, the index of its material and the line of its file (0: it is in no file)."""
+    """Shapes of one sort: of each, the index of its material and the line of its file (0: it is in no file).
+
+    `frame` is the index of a flat scene's frame in which the shape was given, or NO_FRAME, which is the default of all.
+    """
 
     material: np.ndarray
     line: np.ndarray
+    frame: np.ndarray = field(default=None, kw_only=True)  # type: ignore[arg-type]
+
+    def __post_init__(self) -> None:
+        if self.frame is None:
+            object.__setattr__(self, "frame", np.full(len(self), NO_FRAME, np.int32))
 
     def __len__(self) -> int:
         return len(self.material)
+
+    def take(self: _Batch, order: np.ndarray) -> _Batch:
+        """The shapes with the numbers `order`, (k,), in that order."""
+        return replace(self, **{one.name: getattr(self, one.name)[order] for one in fields(self)})
+
+    @classmethod
+    def joined(cls: type[_Batch], batches: Sequence[_Batch]) -> _Batch:
+        """The shapes of at least one batch, one after the other."""
+        return cls(**{one.name: np.concatenate([getattr(batch, one.name) for batch in batches]) for one in fields(cls)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,20 +121,42 @@ class Polygons(Batch):
     def _sum_over_points(self, values: np.ndarray) -> np.ndarray:
         return np.add.reduceat(values, self.starts[:-1], axis=0) if len(self) else np.zeros((0, *values.shape[1:]))
 
-    def keep(self, kept: np.ndarray) -> Polygons:
-        """The polygons where the mask `kept` is true."""
-        points = np.repeat(kept, self.sizes)
-        starts = np.concatenate(([0], np.cumsum(self.sizes[kept])))
+    @property
+    def degenerate(self) -> np.ndarray:
+        """Which polygons have no area, (n,)."""
+        return np.linalg.norm(self.area_vectors, axis=1) / 2.0 <= LEAST_AREA * self.perimeters**2
+
+    def take(self, order: np.ndarray) -> Polygons:
+        sizes = self.sizes[order]
+        starts = np.concatenate(([0], np.cumsum(sizes)))
+        points = np.arange(starts[-1]) + np.repeat(self.starts[order] - starts[:-1], sizes)
+        material, line, smooth = self.material[order], self.line[order], self.smooth[order]
         return Polygons(
-            self.material[kept], self.line[kept], self.points[points], self.normals[points], starts, self.smooth[kept]
+            material, line, self.points[points], self.normals[points], starts, smooth, frame=self.frame[order]
         )
 
+    @classmethod
+    def joined(cls, batches: Sequence[Polygons]) -> Polygons:
+        sizes = np.concatenate([batch.sizes for batch in batches])
+        starts = np.concatenate(([0], np.cumsum(sizes)))
+        # Not the starts, which count within their own batch.
+        columns = {
+            one.name: np.concatenate([getattr(batch, one.name) for batch in batches])
+            for one in fields(cls)
+            if one.name != "starts"
+        }
+        return cls(starts=starts, **columns)
 
-class Shapes(Sequence[Shape]):
-    """The shapes of a scene in order, as arrays: `sorts` (n,) says to which batch each of them belongs.
 
-    Within a batch shapes stand in scene order too, so that the i-th shape of sort s is the i-th of its batch.
+class Shapes(Many, Sequence[Shape]):
+    """The nodes of a scene in order: `sorts` (n,) says for each of them in which batch it stands, or in `nodes`.
+
+    Within a batch, and in `nodes`, they stand in scene order too, so that the i-th of sort s is the i-th there.
+    `materials` are all that the shapes are made of, and maybe more. An open cone of equal radii is a cylinder.
     """
+
+    noun = described = "a batch of shapes"
+    is_solid = False
 
     def __init__(
         self,
@@ -194,35 +166,40 @@ class Shapes(Sequence[Shape]):
         cones: Cones,
         polygons: Polygons,
         file: str | None = None,
+        nodes: Sequence[Node] = (),
     ) -> None:
-        self.materials = tuple(materials)
+        self.materials: tuple[Material, ...] = tuple(materials)
         self.sorts = sorts
         self.spheres = spheres
         self.cones = cones
         self.polygons = polygons
         self.file = file
+        self.nodes = tuple(nodes)
 
     @classmethod
     def of(cls, shapes: Iterable[Shape], materials: Sequence[Material] = ()) -> Shapes:
-        """The same shapes as arrays. `materials` may give materials, used or not, that come first in their order."""
+        """The same nodes, in arrays where they can be.
+
+        `materials` may give materials, used or not, that come first in their order. A plain shape without material is
+        plain white.
+        """
         shapes = list(shapes)
-        numbers = {material: number for number, material in enumerate(dict.fromkeys(materials))}
-        rows = {Sphere: SPHERE, Cone: CONE, Polygon: POLYGON}
-        members: tuple[list, list, list] = ([], [], [])
-        for shape in shapes:
-            members[rows[type(shape)]].append((shape, numbers.setdefault(shape.material, len(numbers))))
-        file = next((shape.place.file for shape in shapes if shape.place), None)
-        sorts = np.array([rows[type(shape)] for shape in shapes], np.uint8)
-        return cls(list(numbers), sorts, _spheres(members[0]), _cones(members[1]), _polygons(members[2]), file)
+        sorts = [sort_of(shape) for shape in shapes]
+        members: tuple[list, list, list, list] = ([], [], [], [])
+        for shape, sort in zip(shapes, sorts, strict=True):
+            members[sort].append(shape)
+        numbers = material_numbers((*materials, *materials_of(shapes)))
+        spheres, cones, polygons = (
+            batch_of(sort, members[sort], [numbers[node.material or PLAIN] for node in members[sort]])
+            for sort in (SPHERE, CONE, POLYGON)
+        )
+        sort_array = np.array(sorts, np.uint8)
+        return cls(list(numbers), sort_array, spheres, cones, polygons, file_of(shapes), members[NODE])
 
     @cached_property
     def positions(self) -> np.ndarray:
-        """Where in its batch each shape stands, (n,)."""
-        positions = np.empty(len(self.sorts), np.intp)
-        for sort in (SPHERE, CONE, POLYGON):
-            members = self.sorts == sort
-            positions[members] = np.arange(np.count_nonzero(members))
-        return positions
+        """Where in its batch, or in `nodes`, each entry stands, (n,)."""
+        return positions_of(self.sorts)
 
     def __len__(self) -> int:
         return len(self.sorts)
@@ -234,7 +211,7 @@ class Shapes(Sequence[Shape]):
     def __getitem__(self, index: int | slice) -> Shape | list[Shape]:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        make = (self._sphere, self._cone, self._polygon)[self.sorts[index]]
+        make = (self._sphere, self._cone, self._polygon, self.nodes.__getitem__)[self.sorts[index]]
         return make(int(self.positions[index]))
 
     def __iter__(self) -> Iterator[Shape]:
@@ -248,45 +225,87 @@ class Shapes(Sequence[Shape]):
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        return f"<{len(self.spheres)} spheres, {len(self.cones)} cones, {len(self.polygons)} polygons>"
+        batches = f"{len(self.spheres)} spheres, {len(self.cones)} open cones, {len(self.polygons)} polygons"
+        return f"<{batches}, {len(self.nodes)} other nodes>"
 
     def batch(self, sort: int) -> Batch:
         """The batch of sort `SPHERE`, `CONE` or `POLYGON`."""
         return (self.spheres, self.cones, self.polygons)[sort]
 
     def place(self, sort: int, position: int) -> Span | None:
-        """Where the shape at `position` of a batch stands in its file."""
+        """Where the entry at `position` of a batch, or of `nodes`, stands in its file."""
+        if sort == NODE:
+            return self.nodes[position].place
         line = int(self.batch(sort).line[position])
         return Span(self.file, line) if self.file and line else None
 
     def of_materials(self, materials: Sequence[Material]) -> Shapes:
         """The same shapes, made of other materials with the same indices."""
-        return Shapes(materials, self.sorts, self.spheres, self.cones, self.polygons, self.file)
+        changed = dict(zip(self.materials, materials, strict=True))
+        nodes = with_materials(self.nodes, changed)
+        return Shapes(materials, self.sorts, self.spheres, self.cones, self.polygons, self.file, nodes)
 
     def keep_polygons(self, kept: np.ndarray) -> Shapes:
         """These shapes without the polygons where the mask `kept` is false."""
         remaining = np.ones(len(self.sorts), bool)
         remaining[self.sorts == POLYGON] = kept
-        polygons = self.polygons.keep(kept)
-        return Shapes(self.materials, self.sorts[remaining], self.spheres, self.cones, polygons, self.file)
+        polygons = self.polygons.take(np.flatnonzero(kept))
+        sorts = self.sorts[remaining]
+        return Shapes(self.materials, sorts, self.spheres, self.cones, polygons, self.file, self.nodes)
 
     def _sphere(self, i: int) -> Sphere:
         batch = self.spheres
-        return Sphere(_vector(batch.centre[i]), float(batch.radius[i]), *self._common(SPHERE, i))
+        return Sphere(_vector(batch.centre[i]), float(batch.radius[i]), **self._common(SPHERE, i))
 
-    def _cone(self, i: int) -> Cone:
+    def _cone(self, i: int) -> Cone | Cylinder:
         batch = self.cones
         base, apex = _vector(batch.base[i]), _vector(batch.apex[i])
-        return Cone(base, float(batch.base_radius[i]), apex, float(batch.apex_radius[i]), *self._common(CONE, i))
+        base_radius, apex_radius = float(batch.base_radius[i]), float(batch.apex_radius[i])
+        if base_radius == apex_radius:
+            return Cylinder(base, apex, base_radius, open=True, **self._common(CONE, i))
+        return Cone(base, base_radius, apex, apex_radius, open=True, **self._common(CONE, i))
 
     def _polygon(self, i: int) -> Polygon:
         batch = self.polygons
         here = slice(batch.starts[i], batch.starts[i + 1])
         normals = tuple(map(_vector, batch.normals[here])) if batch.smooth[i] else None
-        return Polygon(tuple(map(_vector, batch.points[here])), normals, *self._common(POLYGON, i))
+        return Polygon(tuple(map(_vector, batch.points[here])), normals, **self._common(POLYGON, i))
 
-    def _common(self, sort: int, i: int) -> tuple[Material, Span | None]:
-        return self.materials[self.batch(sort).material[i]], self.place(sort, i)
+    def _common(self, sort: int, i: int) -> dict[str, Any]:
+        return {"material": self.materials[self.batch(sort).material[i]], "place": self.place(sort, i)}
+
+
+def sort_of(node: Node) -> int:
+    """SPHERE, CONE or POLYGON where a batch can hold `node` as it is, else NODE."""
+    if node.name is not None or (node.transform is not IDENTITY and node.transform != IDENTITY):
+        return NODE
+    if isinstance(node, Bounded) and node.extent is not None:
+        return NODE
+    return surface_sort(node)
+
+
+def surface_sort(node: Node) -> int:
+    """SPHERE, CONE or POLYGON where `node` is such a shape, wherever it stands, else NODE."""
+    kind = type(node)
+    if kind is Sphere:
+        return SPHERE
+    if kind is Polygon:
+        return POLYGON
+    return CONE if (kind is Cone or kind is Cylinder) and node.open else NODE  # type: ignore[attr-defined]
+
+
+def positions_of(sorts: np.ndarray) -> np.ndarray:
+    """How many entries of the same sort stand before each entry of `sorts`, (n,)."""
+    positions = np.empty(len(sorts), np.intp)
+    for sort in range(int(sorts.max(initial=0)) + 1):
+        members = sorts == sort
+        positions[members] = np.arange(np.count_nonzero(members))
+    return positions
+
+
+def material_numbers(materials: Iterable[Material]) -> dict[Material, int]:
+    """The number of each distinct material, in order."""
+    return {material: number for number, material in enumerate(dict.fromkeys(materials))}
 
 
 def _vector(row: np.ndarray) -> Vector:
@@ -298,34 +317,41 @@ def _vectors(rows: list) -> np.ndarray:
     return np.array(rows, np.float64).reshape(-1, 3)
 
 
-def _materials_and_lines(members: list) -> tuple[np.ndarray, np.ndarray]:
-    lines = [shape.place.line if shape.place else 0 for shape, _ in members]
-    return np.array([material for _, material in members], np.int32), np.array(lines, np.int64)
+def file_of(nodes: Iterable[Node]) -> str | None:
+    """The file that `nodes` come from, if any."""
+    return next((node.place.file for node in nodes if node.place), None)
 
 
-def _spheres(members: list[tuple[Sphere, int]]) -> Spheres:
-    centre = _vectors([sphere.centre for sphere, _ in members])
-    radius = np.array([sphere.radius for sphere, _ in members], np.float64)
-    return Spheres(*_materials_and_lines(members), centre, radius)
+def batch_of(sort: int, nodes: Sequence[Any], materials: Sequence[int]) -> Any:
+    """`nodes` of one sort, SPHERE, CONE or POLYGON, with the numbers of their materials, as a batch."""
+    lines = [node.place.line if node.place else 0 for node in nodes]
+    make = (_spheres, _cones, _polygons)[sort]
+    return make(nodes, np.array(materials, np.int32), np.array(lines, np.int64))
 
 
-def _cones(members: list[tuple[Cone, int]]) -> Cones:
-    return Cones(
-        *_materials_and_lines(members),
-        _vectors([cone.base for cone, _ in members]),
-        np.array([cone.base_radius for cone, _ in members], np.float64),
-        _vectors([cone.apex for cone, _ in members]),
-        np.array([cone.apex_radius for cone, _ in members], np.float64),
-    )
+def _spheres(spheres: Sequence[Sphere], material: np.ndarray, line: np.ndarray) -> Spheres:
+    centre = _vectors([sphere.centre for sphere in spheres])
+    return Spheres(material, line, centre, np.array([sphere.radius for sphere in spheres], np.float64))
 
 
-def _polygons(members: list[tuple[Polygon, int]]) -> Polygons:
-    sizes = [len(polygon.points) for polygon, _ in members]
-    normals = [polygon.normals or ((0.0, 0.0, 0.0),) * len(polygon.points) for polygon, _ in members]
+def _cones(cones: Sequence[Cone | Cylinder], material: np.ndarray, line: np.ndarray) -> Cones:
+    radii = [
+        (cone.radius, cone.radius) if isinstance(cone, Cylinder) else (cone.base_radius, cone.apex_radius)
+        for cone in cones
+    ]
+    base_radius, apex_radius = np.array(radii, np.float64).reshape(-1, 2).T
+    base, apex = _vectors([cone.base for cone in cones]), _vectors([cone.apex for cone in cones])
+    return Cones(material, line, base, base_radius, apex, apex_radius)
+
+
+def _polygons(polygons: Sequence[Polygon], material: np.ndarray, line: np.ndarray) -> Polygons:
+    sizes = [len(polygon.points) for polygon in polygons]
+    normals = [polygon.normals or ((0.0, 0.0, 0.0),) * len(polygon.points) for polygon in polygons]
     return Polygons(
-        *_materials_and_lines(members),
-        _vectors([point for polygon, _ in members for point in polygon.points]),
+        material,
+        line,
+        _vectors([point for polygon in polygons for point in polygon.points]),
         _vectors([normal for given in normals for normal in given]),
         np.concatenate(([0], np.cumsum(sizes))).astype(np.intp),
-        np.array([polygon.normals is not None for polygon, _ in members], bool),
+        np.array([polygon.normals is not None for polygon in polygons], bool),
     )

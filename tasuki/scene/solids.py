@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 from tasuki.diagnostics import Diagnostic, SceneError, Span
+from tasuki.scene.kinds import kinds
 from tasuki.scene.material import Material, Vector
 from tasuki.scene.transforms import IDENTITY, Transform
 from tasuki.scene.tree import Bounded, Extent, Node, plain
@@ -202,10 +203,12 @@ class Tube(Primitive):
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
 class Solid(Primitive):
-    """A solid of a registered kind: `fields` are those of the kind's record, without its first row.
+    """A solid, or surface, of a registered kind: `fields` are those of the kind's record, without its first row.
 
-        Solid("torus", centre=(0, 0, 0), major=2, minor=0.5, material=gold)
+    Solid("torus", centre=(0, 0, 0), major=2, minor=0.5, material=gold)
     """
+
+    noun: ClassVar[str] = "solid"
 
     kind: str
     fields: Mapping[str, Any]
@@ -226,6 +229,11 @@ class Solid(Primitive):
         common = {"material": material, "transform": transform, "name": name, "extent": extent, "place": place}
         for attribute, value in {"kind": kind, "fields": given, **common}.items():
             object.__setattr__(self, attribute, value)
+
+    @property
+    def is_solid(self) -> bool:
+        # A kind that does not exist is found wrong elsewhere.
+        return all(kind.sort == "solid" for kind in kinds() if kind.name == self.kind)
 
     @property
     def described(self) -> str:

@@ -7,7 +7,7 @@ combine them (`a | b`, `a & b`, `a - b`, `~a`), and methods place them (`node.ro
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, TypeVar
 
@@ -15,7 +15,8 @@ import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError, Span
 from tasuki.scene.formula_text import Expression, parse_infix, parse_polish
-from tasuki.scene.material import Material, Vector
+from tasuki.scene.material import PLAIN, Material, Vector
+from tasuki.scene.problem import Path
 from tasuki.scene.transforms import IDENTITY, Transform, matrix, rotate, scale, translate
 
 MOST_LEVELS = 1000
@@ -25,9 +26,17 @@ _Node = TypeVar("_Node", bound="Node")
 
 
 class Many:
-    """What stands for many surfaces as one child of a group; `tasuki.scene.shapes.Shapes` is one."""
+    """What stands for many nodes as one child of a group; `tasuki.scene.shapes.Shapes` is one."""
 
-    __slots__ = ()
+    materials: tuple[Material, ...]
+    nodes: tuple[Node, ...]
+
+    def __len__(self) -> int:
+        raise NotImplementedError
+
+    def of_materials(self, materials: Sequence[Material]) -> Many:
+        """The same, made of other materials with the same indices."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +73,13 @@ class Node:
         """The nodes directly inside this one, in order."""
         return ()
 
-    def step(self, number: int) -> tuple[str | int, ...]:
+    def step(self, number: int) -> Path:
         """How a path goes on from here to `inner[number]`."""
         return ("children", number)
+
+    def of_inner(self, inner: Sequence[Any]) -> Node:
+        """The same node with other nodes inside."""
+        return self
 
     @property
     def is_solid(self) -> bool:
@@ -147,6 +160,9 @@ class Group(Bounded):
     def inner(self) -> Sequence[Any]:
         return self.children
 
+    def of_inner(self, inner: Sequence[Any]) -> Node:
+        return replace(self, children=inner)
+
     def __repr__(self) -> str:
         return _short(self)
 
@@ -166,7 +182,10 @@ class Instance(Node):
     def inner(self) -> Sequence[Any]:
         return (self.of,)
 
-    def step(self, number: int) -> tuple[str | int, ...]:
+    def of_inner(self, inner: Sequence[Any]) -> Node:
+        return replace(self, of=inner[0])
+
+    def step(self, number: int) -> Path:
         return ("of",)
 
     @property
@@ -200,6 +219,9 @@ class SetOperation(Bounded):
     @property
     def inner(self) -> Sequence[Any]:
         return self.children
+
+    def of_inner(self, inner: Sequence[Any]) -> Node:
+        return replace(self, children=inner)
 
     @property
     def is_solid(self) -> bool:
@@ -245,7 +267,10 @@ class Complement(Bounded):
     def inner(self) -> Sequence[Any]:
         return (self.child,)
 
-    def step(self, number: int) -> tuple[str | int, ...]:
+    def of_inner(self, inner: Sequence[Any]) -> Node:
+        return replace(self, child=inner[0])
+
+    def step(self, number: int) -> Path:
         return ("child",)
 
     @property
@@ -290,7 +315,10 @@ class Formula(Bounded):
     def inner(self) -> Sequence[Any]:
         return tuple(self.parts.values())
 
-    def step(self, number: int) -> tuple[str | int, ...]:
+    def of_inner(self, inner: Sequence[Any]) -> Node:
+        return replace(self, parts=dict(zip(self.parts, inner, strict=True)))
+
+    def step(self, number: int) -> Path:
         return ("parts", list(self.parts)[number])
 
     @property
@@ -299,6 +327,72 @@ class Formula(Bounded):
 
     def __repr__(self) -> str:
         return _short(self)
+
+
+def materials_of(nodes: Iterable[Any]) -> dict[Material, None]:
+    """The materials that trees are made of, in order; plain white where something has none of its own nor around it."""
+    found: dict[Material, None] = {}
+    stack, seen = [(node, False) for node in nodes][::-1], set()
+    while stack:
+        node, is_given = stack.pop()
+        if isinstance(node, Many):
+            found.update(dict.fromkeys(node.materials))
+            stack += [(inner, True) for inner in node.nodes[::-1]]
+            continue
+        is_given = is_given or node.material is not None
+        if (id(node), is_given) in seen:
+            continue
+        seen.add((id(node), is_given))
+        if node.material is not None:
+            found[node.material] = None
+        inside = node.inner
+        if not (inside or is_given):
+            found[PLAIN] = None
+        stack += [(inner, is_given) for inner in inside[::-1]]
+    return found
+
+
+def with_materials(nodes: Sequence[Node], changed: Mapping[Material, Material]) -> list[Node]:
+    """The trees of `nodes` with each material changed, that which is there by default too. Sharing is kept."""
+    done: dict[int, Any] = {}
+    stack: list[Any] = list(nodes)
+    while stack:
+        node = stack.pop()
+        if id(node) in done:
+            continue
+        if isinstance(node, Many):
+            done[id(node)] = node.of_materials([changed[material] for material in node.materials])
+            continue
+        missing = [inner for inner in node.inner if id(inner) not in done]
+        if missing:
+            stack += [node, *missing]
+            continue
+        made = node.of_inner([done[id(inner)] for inner in node.inner])
+        done[id(node)] = made if made.material is None else replace(made, material=changed[made.material])
+    default = changed.get(PLAIN)
+    made_nodes = [done[id(node)] for node in nodes]
+    return [node if node.material or default is None else replace(node, material=default) for node in made_nodes]
+
+
+def measure(nodes: Iterable[Node]) -> list[tuple[int, int]]:
+    """Of each tree of `nodes`: how deep it is, in levels, and how many nodes it has with every instance apart."""
+    done: dict[int, tuple[int, int]] = {}
+    found = []
+    for root in nodes:
+        stack: list[Any] = [root]
+        while stack:
+            node = stack.pop()
+            is_many = isinstance(node, Many)
+            inside = node.nodes if is_many else node.inner
+            missing = [inner for inner in inside if id(inner) not in done]
+            if missing:
+                stack += [node, *missing]
+                continue
+            sizes = [done[id(inner)] for inner in inside]
+            own = len(node) - len(inside) if is_many else 1
+            done[id(node)] = (1 + max((deep for deep, _ in sizes), default=0), own + sum(many for _, many in sizes))
+        found.append(done[id(root)])
+    return found
 
 
 def _operands(operation: type[SetOperation], node: Node) -> Sequence[Node]:

@@ -16,10 +16,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from tasuki.diagnostics import Diagnostic, SceneError, Span
-from tasuki.scene.check import Problem, problems
+from tasuki.scene.check import problems
+from tasuki.scene.material import PLAIN, Material
 from tasuki.scene.model import Camera, PointLight, Scene, Vector
+from tasuki.scene.problem import Problem
 from tasuki.scene.schema import SHAPE_MODELS, CameraModel, LightModel, MaterialModel, SceneModel
-from tasuki.scene.shapes import Cone, Material, Polygon, Shape, Shapes, Sphere
+from tasuki.scene.shapes import Shape, Shapes
+from tasuki.scene.solids import Cone, Cylinder, Polygon, Sphere
 from tasuki.scene.source import SourceText, quote, scene_error, suggestion
 from tasuki.scene.yaml_nodes import Node, compose, resolve_scalar
 
@@ -183,7 +186,7 @@ def dump_yaml(scene: Scene) -> str:
         changed = [field.name for field in fields(Material)[1:] if getattr(material, field.name) != field.default]
         lines.append(f"  {_text(name)}: {_flow(material, changed)}")
     lines.append("shapes:" if len(scene.shapes) else "shapes: []")
-    lines += [f"  - {_shape_text(shape, names[shape.material])}" for shape in scene.shapes]
+    lines += [f"  - {_shape_text(shape, names[shape.material or PLAIN])}" for shape in scene.shapes]
     return "\n".join(lines) + "\n"
 
 
@@ -250,14 +253,16 @@ def _material(name: str, model: MaterialModel) -> Material:
 
 def _shape(key: str, body: Any, material: Material, place: Span) -> Shape:
     if key == "sphere":
-        return Sphere(_vector(body.centre), body.radius, material, place)
+        return Sphere(_vector(body.centre), body.radius, material=material, place=place)
     if key == "cylinder":
-        return Cone(_vector(body.base), body.radius, _vector(body.apex), body.radius, material, place)
+        base, apex = _vector(body.base), _vector(body.apex)
+        return Cylinder(base, apex, body.radius, open=True, material=material, place=place)
     if key == "cone":
-        return Cone(_vector(body.base), body.base_radius, _vector(body.apex), body.apex_radius, material, place)
+        base, apex = _vector(body.base), _vector(body.apex)
+        return Cone(base, body.base_radius, apex, body.apex_radius, open=True, material=material, place=place)
     points = tuple(map(_vector, body.points))
     normals = tuple(map(_vector, body.normals)) if key == "patch" else None
-    return Polygon(points, normals, material, place)
+    return Polygon(points, normals, material=material, place=place)
 
 
 def _vector(values: Iterable[float]) -> Vector:
@@ -296,9 +301,8 @@ def _shape_text(shape: Shape, material: str) -> str:
         key, names = "sphere", ["centre", "radius"]
     elif isinstance(shape, Polygon):
         key, names = ("patch", ["points", "normals"]) if shape.normals else ("polygon", ["points"])
-    elif shape.base_radius == shape.apex_radius:
-        parts = f"base: {_value(shape.base)}, apex: {_value(shape.apex)}, radius: {_value(shape.base_radius)}"
-        return f"cylinder: {{{parts}, material: {_text(material)}}}"
+    elif isinstance(shape, Cylinder):
+        key, names = "cylinder", ["base", "apex", "radius"]
     else:
         key, names = "cone", ["base", "base_radius", "apex", "apex_radius"]
     parts = ", ".join(f"{name}: {_value(getattr(shape, name))}" for name in names)

@@ -33,7 +33,8 @@ def disc(radius, height, corners, material):
 
 
 def upright(radius, low, high, material, apex_radius=None, x=0.0, y=0.0):
-    return Cone((x, y, low), radius, (x, y, high), radius if apex_radius is None else apex_radius, material)
+    top = radius if apex_radius is None else apex_radius
+    return Cone((x, y, low), radius, (x, y, high), top, open=True, material=material)
 
 
 def column(angle):
@@ -59,7 +60,7 @@ def dome():
             if j == PARALLELS - 1:
                 corners = [(i, j), (i + 1, j), (i + 0.5, j + 1)]
             points, normals = zip(*(on_dome(*corner) for corner in corners), strict=True)
-            yield Polygon(points, normals, COPPER)
+            yield Polygon(points, normals, material=COPPER)
 
 
 def shapes():
@@ -75,11 +76,11 @@ def shapes():
     yield upright(-1.55, 2.5, DOME_FOOT, MARBLE)
     yield from dome()
     yield upright(0.12, DOME_FOOT + 2.05, DOME_FOOT + 2.35, MARBLE)
-    yield Sphere((0.0, 0.0, DOME_FOOT + 2.5), 0.22, GOLD)
+    yield Sphere((0.0, 0.0, DOME_FOOT + 2.5), 0.22, material=GOLD)
     yield upright(0.42, 0.30, 0.75, MARBLE, 0.30)
     yield disc(0.30, 0.75, 24, MARBLE)
-    yield Sphere((0.0, 0.0, 1.18), 0.43, GOLD)
-    yield Sphere((-2.5, -3.9, 0.54), 0.50, GLASS)
+    yield Sphere((0.0, 0.0, 1.18), 0.43, material=GOLD)
+    yield Sphere((-2.5, -3.9, 0.54), 0.50, material=GLASS)
 
 
 SCENE = Scene(

@@ -23,7 +23,7 @@ CAMERA = Camera(eye=(0.0, -6.0, 1.5), at=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), an
 FLOOR = Polygon(
     ((-9.0, -9.0, 0.0), (9.0, -9.0, 0.0), (9.0, 9.0, 0.0), (-9.0, 9.0, 0.0)), material=Material(colour=(0.8, 0.5, 0.3))
 )
-RED = Sphere((-0.8, 1.0, 1.0), 1.0, Material(colour=(0.9, 0.2, 0.1), diffuse=0.7, reflection=0.2, specular=0.3))
+RED = Sphere((-0.8, 1.0, 1.0), 1.0, material=Material(colour=(0.9, 0.2, 0.1), diffuse=0.7, reflection=0.2, specular=0.3))
 LIGHTS = (PointLight((3.0, -5.0, 6.0)), PointLight((-4.0, -2.0, 5.0)))
 AIR = Material(diffuse=0.0, ambient=0.0, specular=0.0, transmission=1.0, index=1.0)
 
@@ -76,9 +76,9 @@ def test_a_ball_of_air_is_not_seen():
     # Without lamps, by ambient light alone: shadow rays do not pass through glass.
     things = [
         Polygon(FLOOR.points, material=Material(colour=(0.8, 0.5, 0.3), ambient=0.6)),
-        Sphere(RED.centre, RED.radius, Material(colour=(0.9, 0.2, 0.1), ambient=0.5, reflection=0.2)),
+        Sphere(RED.centre, RED.radius, material=Material(colour=(0.9, 0.2, 0.1), ambient=0.5, reflection=0.2)),
     ]
-    ball = Sphere((0.4, -1.5, 1.2), 0.6, AIR)
+    ball = Sphere((0.4, -1.5, 1.2), 0.6, material=AIR)
     pictures = [
         rendered(Scene(CAMERA, shapes, (), background=(0.2, 0.3, 0.5)), depth=8) for shapes in (things, [*things, ball])
     ]
@@ -93,7 +93,7 @@ def test_a_ball_of_air_is_not_seen():
 def test_glass_in_a_furnace_is_not_seen():
     # Light of 1 from everywhere: whatever glass does to it, what comes out is 1, but for what the last rays carried.
     glass = Material(diffuse=0.0, ambient=0.0, specular=0.0, transmission=1.0, index=1.5)
-    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 1.0), 1.0, glass)], (), background=(1.0, 1.0, 1.0))
+    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 1.0), 1.0, material=glass)], (), background=(1.0, 1.0, 1.0))
     furnace = rendered(scene, depth=12)[..., :3]
     assert furnace.max() <= 1.0 + 1e-5
     assert furnace.min() > 0.98
@@ -105,14 +105,14 @@ def test_coloured_glass_takes_by_the_distance():
     # Straight through the middle: twice as thick, the square of the transmittance.
     camera = replace(CAMERA, eye=(0.0, -6.0, 0.0), at=(0.0, 0.0, 0.0), resolution=(1, 1), angle=0.01)
     tinted = replace(AIR, transmittance=(0.5, 0.25, 1.0))
-    thin = Scene(camera, [Sphere((0.0, 0.0, 0.0), 0.5, tinted)], (), background=(1.0, 1.0, 1.0))
-    thick = Scene(camera, [Sphere((0.0, 0.0, 0.0), 1.0, tinted)], (), background=(1.0, 1.0, 1.0))
+    thin = Scene(camera, [Sphere((0.0, 0.0, 0.0), 0.5, material=tinted)], (), background=(1.0, 1.0, 1.0))
+    thick = Scene(camera, [Sphere((0.0, 0.0, 0.0), 1.0, material=tinted)], (), background=(1.0, 1.0, 1.0))
     assert rendered(thin)[0, 0, :3] == pytest.approx([0.5, 0.25, 1.0], rel=1e-4)
     assert rendered(thick)[0, 0, :3] == pytest.approx([0.25, 0.0625, 1.0], rel=1e-4)
 
 
 def test_a_tree_deeper_than_its_stack_is_refused():
-    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 1.0), 1.0, AIR)], LIGHTS)
+    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 1.0), 1.0, material=AIR)], LIGHTS)
     with pytest.raises(SceneError, match="depth"):
         rendered(scene, depth=33)
     assert rendered(Scene(CAMERA, [RED], LIGHTS), depth=33).shape == (36, 48, 4)
@@ -127,8 +127,8 @@ def test_a_scene_far_away_looks_like_one_at_home(far):
         camera = replace(CAMERA, eye=moved(*CAMERA.eye), at=moved(*CAMERA.at))
         shapes = [
             Polygon(tuple(moved(*point) for point in FLOOR.points), material=FLOOR.material),
-            Sphere(moved(*RED.centre), RED.radius, RED.material),
-            Sphere(moved(0.9, -0.5, 0.6), 0.6, Material(transmission=0.9, index=1.5, diffuse=0.05)),
+            Sphere(moved(*RED.centre), RED.radius, material=RED.material),
+            Sphere(moved(0.9, -0.5, 0.6), 0.6, material=Material(transmission=0.9, index=1.5, diffuse=0.05)),
         ]
         lights = tuple(PointLight(moved(*light.position)) for light in LIGHTS)
         return Scene(camera, shapes, lights, background=(0.2, 0.3, 0.5))

@@ -4,7 +4,7 @@ import math
 
 from hypothesis import strategies as st
 
-from tasuki.scene import Camera, Cone, Material, PointLight, Polygon, Scene, Sphere
+from tasuki.scene import Camera, Cone, Cylinder, Material, PointLight, Polygon, Scene, Sphere
 
 coordinates = st.floats(-1e6, 1e6, allow_subnormal=False)
 vectors = st.tuples(coordinates, coordinates, coordinates)
@@ -61,7 +61,7 @@ def cones(draw, material):
     sign = draw(st.sampled_from([1.0, -1.0]))
     radii_of_ends = draw(st.tuples(lengths, lengths | st.just(0.0)))
     first, second = draw(st.permutations([sign * radius for radius in radii_of_ends]))
-    return Cone(base, first, apex, second, material)
+    return Cone(base, first, apex, second, open=True, material=material)
 
 
 @st.composite
@@ -77,7 +77,7 @@ def polygons(draw, material):
         x, y = spoke * math.cos(angle), spoke * math.sin(angle)
         points.append((centre[0] + x, centre[1] + y * math.cos(tilt), centre[2] + y * math.sin(tilt)))
     normals = [(math.cos(n), math.sin(n), 1.0) for n in range(count)] if draw(st.booleans()) else None
-    return Polygon(tuple(points), tuple(normals) if normals else None, material)
+    return Polygon(tuple(points), tuple(normals) if normals else None, material=material)
 
 
 @st.composite
@@ -94,7 +94,7 @@ def nff_scenes(draw):
     shapes = []
     for material in materials:
         for _ in range(draw(st.integers(1, 4))):
-            sphere = st.builds(Sphere, vectors, radii(), st.just(material))
+            sphere = st.builds(Sphere, vectors, radii(), material=st.just(material))
             shapes.append(draw(sphere | cones(material) | polygons(material)))
     lights = draw(st.lists(st.builds(PointLight, vectors, st.none() | colours), max_size=4))
     return Scene(draw(cameras()), shapes, lights, draw(colours))
@@ -127,6 +127,8 @@ def shape_lines(shape):
         return [f"s {numbers(shape.centre, shape.radius)}"]
     if isinstance(shape, Cone):
         return ["c", numbers(shape.base, shape.base_radius), numbers(shape.apex, shape.apex_radius)]
+    if isinstance(shape, Cylinder):
+        return ["c", numbers(shape.base, shape.radius), numbers(shape.apex, shape.radius)]
     if shape.normals is None:
         return [f"p {len(shape.points)}", *map(numbers, shape.points)]
     pairs = zip(shape.points, shape.normals, strict=True)

@@ -56,10 +56,10 @@ def test_default_intensity():
 def test_shapes_are_a_sequence_in_scene_order():
     red = Material("red", (1.0, 0.0, 0.0))
     given = [
-        Sphere((0.0, 0.0, 0.0), 1.0, red),
-        Cone((0.0, 0.0, 0.0), 1.0, (0.0, 0.0, 1.0), 0.5),
+        Sphere((0.0, 0.0, 0.0), 1.0, material=red),
+        Cone((0.0, 0.0, 0.0), 1.0, (0.0, 0.0, 1.0), 0.5, open=True, material=Material()),
         Polygon(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), material=red),
-        Sphere((1.0, 0.0, 0.0), -2.0),
+        Sphere((1.0, 0.0, 0.0), -2.0, material=Material()),
     ]
     shapes = Shapes.of(given)
     assert list(shapes) == given

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 
-from tasuki.scene import Camera, Cone, Material, PointLight, Polygon, Scene, Sphere, load_scene
+from tasuki.scene import Camera, Cone, Cylinder, Material, PointLight, Polygon, Scene, Sphere, load_scene
 from tasuki.scene.importers.nff import read as read_nff
 from tasuki.scene.schema import SceneModel, scene_schema
 from tasuki.scene.source import SourceText
@@ -50,6 +50,7 @@ shapes:
   - patch: {points: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], normals: [[0, 0, 1], [0, 0, 2], [0, 0, 3]]}
 """
     red = Material("no", (1.0, 0.0, 0.0), 0.1, 0.2, 0.3, 4.0, 0.5, 0.6, 1.5, (0.7, 0.8, 0.9), True)
+    plain = Material()
     origin, top = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     corners = (origin, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     found = scene(text)
@@ -57,11 +58,11 @@ shapes:
     assert found.background == (0.1, 0.2, 0.3)
     assert found.lights == (PointLight((1.0, 2.0, 3.0)), PointLight((4.0, 5.0, 6.0), (1.0, 0.5, 0.25)))
     assert list(found.shapes) == [
-        Sphere(origin, 1e-3, red),
-        Cone(origin, -2.0, top, -2.0),
-        Cone(origin, 1.0, top, 0.0),
-        Polygon(corners),
-        Polygon(corners, (top, (0.0, 0.0, 2.0), (0.0, 0.0, 3.0))),
+        Sphere(origin, 1e-3, material=red),
+        Cylinder(origin, top, -2.0, open=True, material=plain),
+        Cone(origin, 1.0, top, 0.0, open=True, material=plain),
+        Polygon(corners, material=plain),
+        Polygon(corners, (top, (0.0, 0.0, 2.0), (0.0, 0.0, 3.0)), material=plain),
     ]
     assert found.shapes[1].place.line == 14
 
@@ -88,14 +89,17 @@ def test_aliases_repeat_values():
 def test_names_of_materials_may_be_any_text():
     names = ["no", "1", "a: b", "真鍮", 'quo"te', "", "null", "a #b", "line\nbreak"]
     materials = [Material(name, (n / 10, 0.0, 0.0)) for n, name in enumerate(names)]
-    original = Scene(Camera((0, -5, 1), (0, 0, 0), (0, 0, 1), 45), [Sphere((0, 0, 0), 1, one) for one in materials])
+    original = Scene(
+        Camera((0, -5, 1), (0, 0, 0), (0, 0, 1), 45), [Sphere((0, 0, 0), 1, material=one) for one in materials]
+    )
     assert scene(dump_yaml(original)) == original
 
 
 def test_different_materials_of_one_name_get_names_of_their_own():
     red, blue = Material("paint", (1.0, 0.0, 0.0)), Material("paint", (0.0, 0.0, 1.0))
     original = Scene(
-        Camera((0, -5, 1), (0, 0, 0), (0, 0, 1), 45), [Sphere((0, 0, 0), 1, red), Sphere((1, 0, 0), 1, blue)]
+        Camera((0, -5, 1), (0, 0, 0), (0, 0, 1), 45),
+        [Sphere((0, 0, 0), 1, material=red), Sphere((1, 0, 0), 1, material=blue)],
     )
     found = scene(dump_yaml(original))
     assert [(one.name, one.colour) for one in found.materials] == [("paint", red.colour), ("paint 2", blue.colour)]
