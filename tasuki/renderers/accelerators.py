@@ -12,6 +12,7 @@ from typing import Any
 
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.modules import records as rec
+from tasuki.scene import extents
 from tasuki.scene.kinds import resolve
 from tasuki.scene.pack import Packed
 from tasuki.scene.source import suggestion
@@ -70,6 +71,10 @@ def _bvh_tables(packed: Packed) -> Tables:
     return {"bvh_nodes": (rec.BVHNode, max(1, packed.things - 1) if packed.things else 0)}
 
 
+def _extents_tables(packed: Packed) -> Tables:
+    return {"extent_nodes": extents.nodes(packed)}
+
+
 register(
     Accelerator(
         "bvh",
@@ -77,5 +82,13 @@ register(
         blocked="tasuki.modules.bvh:shadow_intersection",
         tables=_bvh_tables,
         build="tasuki.modules.bvh_build:build_bvh",
+    )
+)
+register(
+    Accelerator(
+        "extents",
+        nearest="tasuki.modules.extents:nearest_in_extents",
+        blocked="tasuki.modules.extents:shadow_in_extents",
+        tables=_extents_tables,
     )
 )

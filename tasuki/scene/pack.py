@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
+from tasuki.scene import extents
 from tasuki.scene.check import problems
 from tasuki.scene.flatten import Flat, flatten
 from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, lookup, record_dtype
@@ -98,7 +99,11 @@ def pack(scene: Scene) -> Packed:
     builder.add("media", media(flat, objects, lookup("quadric").number, origin))
     builder.add("attributes", _verified("material", _attributes(flat.materials, len(scene.lights))))
     builder.add("lights", _verified("light", _lights(scene.lights, origin)))
-    return Packed(scene, flat, origin, primitives, formulas, objects, builder)
+    packed = Packed(scene, flat, origin, primitives, formulas, objects, builder)
+    unbounded = list(extents.unbounded(packed))
+    if unbounded:
+        raise scene_error(unbounded)
+    return packed
 
 
 def _records(flat: Flat, primitives: Sequence[Primitives], objects: Objects) -> dict[str, np.ndarray]:
