@@ -18,6 +18,8 @@ EVERYTHING: Box = (-inf, -inf, -inf, inf, inf, inf)
 EMPTY: Box = (inf, inf, inf, -inf, -inf, -inf)
 FLAT = 1e-12
 """Eigenvalues and components below this share of the largest are zero but for rounding."""
+MOST_TURNS = 8
+"""Quadrics along whose axes bounds are sought."""
 MOST_POLYTOPE_PLANES = 32
 """Corners are sought among all triples of planes; beyond this number that takes too long."""
 
@@ -97,6 +99,32 @@ def quadric_boxes(quadrics: np.ndarray) -> np.ndarray:
         half_space = np.concatenate([2.0 * rest[i], [-constant[i] - 2.0 * rest[i] @ middle[i]]])
         boxes[i] = plane_boxes(half_space[None])[0]
     return boxes
+
+
+def principal_axes(quadrics: np.ndarray) -> np.ndarray:
+    """Of quadrics (n, 4, 4) that close around an axis (cylinders, cones, paraboloids) the matrices (k, 4, 4) from
+    coordinates along their axes; of the first few.
+    """
+    values, vectors = np.linalg.eigh(quadrics[:, :3, :3])
+    closing = np.flatnonzero(values[:, 1] > FLAT * np.abs(values).max(axis=1))[:MOST_TURNS]
+    turns = np.tile(np.eye(4), (len(closing), 1, 1))
+    turns[:, :3, :3] = vectors[closing]
+    return turns
+
+
+def joint_box(boxes: Sequence[Box], quadrics: Sequence[np.ndarray], planes: Sequence[np.ndarray]) -> Box:
+    """What lies in all of `boxes`; where that has no bounds, as far as the surfaces around it, insides negative, give
+    it some together.
+    """
+    box = EVERYTHING
+    for one in boxes:
+        box = intersected(box, one)
+    if not is_bounded(box):
+        for quadric in 2 * list(quadrics):
+            box = contracted(box, quadric)
+    if not is_bounded(box) and len(planes) > 3:
+        box = polytope_box(planes, box)
+    return box
 
 
 def contracted(box: Box, quadric: np.ndarray) -> Box:

@@ -168,7 +168,7 @@ def _candidates(
     else:
         yield from operands
         for leaves in in_one_frame(part):
-            yield around_box(local_box(leaves, leaf_boxes), leaves[0].matrix)
+            yield around_box(*local_box(leaves, leaf_boxes))
 
 
 # --- the tree ---------------------------------------------------------------------------------------------------------

@@ -18,10 +18,12 @@ from tasuki.scene.bounds import (
     EMPTY,
     EVERYTHING,
     Box,
-    contracted,
     intersected,
     is_bounded,
-    polytope_box,
+    joint_box,
+    plane_boxes,
+    principal_axes,
+    quadric_boxes,
     transformed,
     united,
 )
@@ -135,8 +137,7 @@ def _common(part: Part, boxes: Sequence[Box], leaf_boxes: LeafBoxes, *, compleme
     for box in boxes:
         common = intersected(common, box)
     for leaves in in_one_frame(part):
-        local = local_box(leaves, leaf_boxes, complement=complement)
-        common = intersected(common, transformed(local, leaves[0].matrix))
+        common = intersected(common, transformed(*local_box(leaves, leaf_boxes, complement=complement)))
     return common
 
 
@@ -149,20 +150,25 @@ def in_one_frame(part: Part) -> list[list[Leaf]]:
     return [leaves for leaves in frames.values() if len(leaves) > 1]
 
 
-def local_box(leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: bool = False) -> Box:
-    """The box around what lies in all of `leaves` (`complement`: around what lies in none), in the coordinates that
-    they have in common.
+def local_box(
+    leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: bool = False
+) -> tuple[Box, np.ndarray]:
+    """The box around what lies in all of `leaves` (`complement`: around what lies in none), and the matrix from its
+    coordinates to the scene's: those that the leaves have in common, or, where it has no bounds in these, such as are
+    turned along the axes of one of the quadrics (those of a slanting cylinder between planes).
     """
-    box = EVERYTHING
-    for leaf in leaves:
-        box = intersected(box, leaf_boxes(leaf)[3 if complement else 2])
-    if not is_bounded(box):
-        for quadric in 2 * _insides(leaves, QUADRIC, complement=complement):
-            box = contracted(box, quadric)
-    if not is_bounded(box):
-        planes = _insides(leaves, PLANE, complement=complement)
-        box = polytope_box(planes, box) if len(planes) > 3 else box
-    return box
+    matrix = leaves[0].matrix
+    quadrics, planes = (_insides(leaves, kind, complement=complement) for kind in (QUADRIC, PLANE))
+    box = joint_box([leaf_boxes(leaf)[3 if complement else 2] for leaf in leaves], quadrics, planes)
+    if is_bounded(box) or not quadrics:
+        return box, matrix
+    for turn in principal_axes(np.array(quadrics)):
+        turned = [turn.T @ quadric @ turn for quadric in quadrics], [plane @ turn for plane in planes]
+        boxes = [*quadric_boxes(np.array(turned[0])), *plane_boxes(np.array(turned[1]).reshape(-1, 4))]
+        along = joint_box([tuple(one.tolist()) for one in boxes], *turned)
+        if is_bounded(along):
+            return along, matrix @ turn
+    return box, matrix
 
 
 def _insides(leaves: Sequence[Leaf], kind: str, *, complement: bool) -> list[np.ndarray]:
