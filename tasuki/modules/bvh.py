@@ -16,6 +16,17 @@ STACK_SIZE = 64
 
 
 @module
+def child_entries(code: i32, inverse: vec3, shifted: vec3, far: f32) -> tuple[f32, f32, f32, f32]:
+    """Where a ray enters and leaves the boxes of a node's children, as `slabs.slab_entry`: the left one's, the right
+    one's. One step down the tree.
+    """
+    node = bvh_nodes[code]
+    left_enter, left_leave = slab_entry(node.left_low, node.left_high, inverse, shifted, far)
+    right_enter, right_leave = slab_entry(node.right_low, node.right_high, inverse, shifted, far)
+    return left_enter, left_leave, right_enter, right_leave
+
+
+@module
 def leaf_range(leaf: i32) -> tuple[i32, i32]:
     """The first place in `boxes` that belongs to a leaf, and the first after it."""
     first = leaf >> LEAF_SHIFT
@@ -57,9 +68,7 @@ def nearest_intersection(origin: vec3, direction: vec3, left: i32) -> tuple[f32,
     walking = len(bvh_nodes) > 0
     while walking:
         while code >= 0:
-            node = bvh_nodes[code]
-            left_enter, left_leave = slab_entry(node.left_low, node.left_high, inverse, shifted, nearest)
-            right_enter, right_leave = slab_entry(node.right_low, node.right_high, inverse, shifted, nearest)
+            left_enter, left_leave, right_enter, right_leave = child_entries(code, inverse, shifted, nearest)
             hits_left = left_enter <= left_leave
             hits_right = right_enter <= right_leave
             if any_lane(hits_left):
@@ -100,9 +109,7 @@ def shadow_intersection(origin: vec3, direction: vec3, left: i32, distance: f32)
     walking = len(bvh_nodes) > 0
     while walking:
         while code >= 0:
-            node = bvh_nodes[code]
-            left_enter, left_leave = slab_entry(node.left_low, node.left_high, inverse, shifted, distance)
-            right_enter, right_leave = slab_entry(node.right_low, node.right_high, inverse, shifted, distance)
+            left_enter, left_leave, right_enter, right_leave = child_entries(code, inverse, shifted, distance)
             in_left = count_lanes(left_enter <= left_leave)
             in_right = count_lanes(right_enter <= right_leave)
             if in_left > 0:
