@@ -4,7 +4,20 @@ import math
 
 from hypothesis import strategies as st
 
-from tasuki.scene import Camera, Cone, Cylinder, Material, PointLight, Polygon, Scene, Sphere
+from tasuki.scene import (
+    Box,
+    Camera,
+    Cone,
+    Cylinder,
+    HalfSpace,
+    Material,
+    PointLight,
+    Polygon,
+    Scene,
+    Slab,
+    Sphere,
+)
+from tasuki.scene.transforms import IDENTITY, matrix, rotate, scale, translate
 
 coordinates = st.floats(-1e6, 1e6, allow_subnormal=False)
 vectors = st.tuples(coordinates, coordinates, coordinates)
@@ -98,6 +111,46 @@ def nff_scenes(draw):
             shapes.append(draw(sphere | cones(material) | polygons(material)))
     lights = draw(st.lists(st.builds(PointLight, vectors, st.none() | colours), max_size=4))
     return Scene(draw(cameras()), shapes, lights, draw(colours))
+
+
+@st.composite
+def transforms(draw):
+    """Moves, turns, stretches, mirrors and shears, one after the other; none of them extreme."""
+    made = IDENTITY
+    amounts = st.floats(-3.0, 3.0)
+    factors = st.tuples(st.floats(0.3, 3.0), st.sampled_from([1.0, -1.0])).map(math.prod)
+    for _ in range(draw(st.integers(0, 3))):
+        kind = draw(st.sampled_from(["translate", "rotate", "scale", "matrix"]))
+        if kind == "translate":
+            step = translate(draw(amounts), draw(amounts), draw(amounts))
+        elif kind == "rotate":
+            axis = draw(st.sampled_from(["x", "y", "z", (1.0, 2.0, -3.0)]))
+            step = rotate(axis, draw(st.floats(-400.0, 400.0)))
+        elif kind == "scale":
+            step = scale(draw(factors), draw(factors), draw(factors))
+        else:
+            step = matrix([[1.0, draw(amounts), 0.0], [0.0, draw(factors), 0.0], [0.0, draw(amounts), 1.0]])
+        made = made.then(step)
+    return made
+
+
+@st.composite
+def solids(draw):
+    """A solid about the size of 1 near the origin, placed somehow."""
+    near = st.floats(-1.0, 1.0)
+    centre, size = draw(st.tuples(near, near, near)), draw(st.floats(0.5, 2.0))
+    node = draw(
+        st.sampled_from(
+            [
+                Sphere(centre, size),
+                Box(centre, tuple(value + size for value in centre)),
+                Cylinder(centre, (centre[0], centre[1], centre[2] + 1.0), size),
+                HalfSpace((1.0, -1.0, 2.0), centre),
+                Slab((0.0, 1.0, 0.0), centre, size),
+            ]
+        )
+    )
+    return node.transformed(draw(transforms()))
 
 
 def numbers(*values):

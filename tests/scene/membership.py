@@ -1,0 +1,24 @@
+"""Exact membership in float64: which points lie inside a formula of literals."""
+
+import numpy as np
+
+from tasuki.scene.csg import PLANE, Branch
+
+
+def inside(tree, points):
+    """Which of `points` (n, 3), in the scene's coordinates, lie inside `tree`, (n,)."""
+    if isinstance(tree, Branch):
+        operands = [inside(child, points) for child in tree.children]
+        joined = (np.logical_or if tree.operation == "union" else np.logical_and).reduce(operands)
+        return joined != tree.inverted
+    local = (np.append(points, np.ones((len(points), 1)), axis=1) @ np.linalg.inv(tree.matrix).T)[:, :4]
+    if tree.kind == PLANE:
+        values = local @ tree.values
+    else:
+        values = np.einsum("ni,ij,nj->n", local, tree.values, local)
+    return (values < 0.0) != tree.inverted
+
+
+def literals(tree):
+    """The leaves of `tree`, in order."""
+    return [leaf for child in tree.children for leaf in literals(child)] if isinstance(tree, Branch) else [tree]
