@@ -105,15 +105,22 @@ def duration(seconds: float) -> str:
 
 
 def summary(path: Path, width: int, height: int, stats: dict[str, Any]) -> str:
-    """One line: the picture, its size, rays per second, and where the time went."""
-    rays = stats["rays"]
-    sent = sum(rays[sort] for sort in ("eye", "reflection", "refraction", "shadow"))
+    """One line: the picture, its size, rays or triangles per second, and where the time went."""
     seconds = {name: spent or 0.0 for name, spent in stats["seconds"].items()}
     total = seconds.pop("total")
     seconds["other"] = max(0.0, total - sum(seconds.values()))
-    speed = sent / 1e6 / seconds["render"] if seconds["render"] else 0.0
+    work, unit = _work(stats)
+    speed = work / 1e6 / seconds["render"] if seconds["render"] else 0.0
     spent = ", ".join(f"{name} {amount:.2f}" for name, amount in seconds.items())
-    return f"{path}: {width}x{height}, {sent:,} rays, {speed:.1f} million/s; {total:.2f} s ({spent})"
+    return f"{path}: {width}x{height}, {work:,} {unit}, {speed:.1f} million/s; {total:.2f} s ({spent})"
+
+
+def _work(stats: dict[str, Any]) -> tuple[int, str]:
+    """What a picture took: rays, or triangles, of which each sample takes all."""
+    rays = stats["rays"]
+    if rays is None:
+        return stats["scene"]["primitives"]["triangle"] * stats["scene"]["samples"], "triangles"
+    return sum(rays[sort] for sort in ("eye", "reflection", "refraction", "shadow")), "rays"
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[str]) -> None:

@@ -364,7 +364,7 @@ WRONG_OPTIONS = {
     "a folder as output": (["-o", "a_folder.png"], ["'a_folder.png' is a directory"]),
     "no folder for the report": (["--stats", "nowhere/stats.json"], ["nowhere/stats.json"]),
     "unknown method": (["--method", "magic"], ["unknown method 'magic'", "raytrace"]),
-    "method to come": (["--method", "scanline"], ["has not the method 'scanline' yet"]),
+    "a sphere by scanlines": (["--method", "scanline"], ["the scanline method draws polygons"]),
     "unknown machine": (["--machine", "abacus"], ["unknown machine 'abacus'", "cpu"]),
     "machine to come": (["--machine", "pu"], ["has not the machine 'pu' yet"]),
     "unknown accelerator": (["--accelerator", "grid"], ["'grid'", "bvh"]),

@@ -13,8 +13,9 @@ import numpy as np
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.modules import records as rec
 from tasuki.modules.scanline import records as scan
-from tasuki.scene.model import Scene
-from tasuki.scene.shapes import POLYGON, Polygons
+from tasuki.scene.flatten import Flat
+from tasuki.scene.pack import Packed
+from tasuki.scene.shapes import Polygons
 from tasuki.scene.triangulate import triangulate
 
 
@@ -22,41 +23,40 @@ from tasuki.scene.triangulate import triangulate
 class Mesh:
     """Structured arrays of `tasuki.modules.scanline.records`: Vertex, VertexNormal, Face and FaceEdge.
 
-    `shapes` (f,) is the number in the scene of the shape that each face came from.
+    Faces stand in the order of the scene's polygons.
     """
 
     vertices: np.ndarray
     normals: np.ndarray
     faces: np.ndarray
     edges: np.ndarray
-    shapes: np.ndarray
 
 
-def mesh_of(scene: Scene, origin: np.ndarray) -> Mesh:
-    """The scene's polygons as triangles; coordinates count from `origin`, (3,) float64.
+def mesh_of(packed: Packed) -> Mesh:
+    """The scene's polygons as triangles; coordinates count from `packed.origin`.
 
     SceneError where the scene has other shapes than polygons.
     """
-    polygons = scene.shapes.polygons
-    others = len(scene.shapes) - len(polygons)
+    shapes = packed.flat.shapes
+    polygons = shapes.polygons
+    others = packed.things - sum(packed.counts.get(name, 0) for name in ("triangle", "quad"))
     if others:
-        message = f"the scanline method draws polygons, and {others} of the scene's {len(scene.shapes)} shapes are none"
-        raise SceneError(str(Diagnostic(message, expected="polygons and patches", found=repr(scene.shapes))))
+        message = f"the scanline method draws polygons, and {others} of the scene's shapes are none"
+        raise SceneError(str(Diagnostic(message, expected="polygons and patches", found=repr(shapes))))
     corners, owner = triangulate(polygons)
-    positions, position_of = welded(polygons.points - origin)
+    positions, position_of = welded(polygons.points - packed.origin)
     normals, normal_of = welded(corner_normals(polygons))
-    faces = np.zeros(len(corners), scan.Face.numpy_dtype())
+    faces = _zeros(scan.Face, len(corners))
     for corner, name in enumerate("abc"):
         faces[name] = position_of[corners[:, corner]]
         faces[f"normal_{name}"] = normal_of[corners[:, corner]]
     faces["attribute"] = polygons.material[owner]
-    faces["flags"] = np.where(_two_sided(scene)[owner], rec.TWO_SIDED, 0)
+    faces["flags"] = np.where(_two_sided(packed.flat)[owner], rec.TWO_SIDED, 0)
     return Mesh(
         _records(scan.Vertex, "position", positions),
         _records(scan.VertexNormal, "normal", normals),
         faces,
         shared_edges(np.stack([faces["a"], faces["b"], faces["c"]], axis=1)),
-        np.flatnonzero(scene.shapes.sorts == POLYGON)[owner],
     )
 
 
@@ -68,18 +68,22 @@ def corner_normals(polygons: Polygons) -> np.ndarray:
     return np.where(given, polygons.normals, np.repeat(face, polygons.sizes, axis=0))
 
 
-def _two_sided(scene: Scene) -> np.ndarray:
+def _two_sided(scene: Flat) -> np.ndarray:
     """Which polygons show from both sides, (n,) bool."""
     polygons = scene.shapes.polygons
-    flat = np.array([material.shows_both_sides() for material in scene.materials], bool)
+    plain = np.array([material.shows_both_sides() for material in scene.materials], bool)
     patch = np.array([material.shows_both_sides(smooth=True) for material in scene.materials], bool)
-    return np.where(polygons.smooth, patch[polygons.material], flat[polygons.material])
+    return np.where(polygons.smooth, patch[polygons.material], plain[polygons.material])
 
 
 def _records(record: Any, field: str, values: np.ndarray) -> np.ndarray:
-    records = np.zeros(len(values), record.numpy_dtype())
+    records = _zeros(record, len(values))
     records[field] = values
     return records
+
+
+def _zeros(record: Any, count: int) -> np.ndarray:
+    return np.zeros(count, record.numpy_dtype())
 
 
 def welded(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +124,7 @@ def shared_edges(corners: np.ndarray) -> np.ndarray:
     leading = np.flatnonzero((np.arange(len(order)) - start) % 2 == 0)
     paired = np.zeros(len(order) + 1, bool)
     paired[:-1] = ~begins
-    result = np.zeros(len(leading), scan.FaceEdge.numpy_dtype())
+    result = _zeros(scan.FaceEdge, len(leading))
     result["a"], result["b"] = low[order[leading]], high[order[leading]]
     face = np.append(order % max(count, 1), -1)
     result["first"] = face[leading]

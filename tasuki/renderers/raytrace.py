@@ -12,11 +12,11 @@ import numpy as np
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.language.declare import Module
 from tasuki.language.link import reached_sockets
-from tasuki.machines.cpu.machine import Items, Progress, Same
+from tasuki.machines.cpu.machine import EdgeProfile, Items, Progress, Same
 from tasuki.modules import raytrace
 from tasuki.modules import records as rec
 from tasuki.modules.light_paths import DEEPEST
-from tasuki.programs import REPORT, Options, executable
+from tasuki.programs import REPORT, Filler, Options, executable
 from tasuki.renderers.accelerators import lookup
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.prepared import UNBOUNDED, PreparedScene
@@ -148,6 +148,18 @@ class RayTracer:
                 raytrace.trace_pixel(place)
                 if progress:
                     progress((number + 1) / len(places))
+
+    def fillers(self) -> Mapping[str, Filler]:
+        """What fills every socket."""
+        return self.prepared.fillers()
+
+    def counts(self) -> dict[str, Any]:
+        """What the report says of the scene in memory."""
+        return {"primitives": dict(self.prepared.packed.counts), "bvh_nodes": self.nodes}
+
+    def profile(self) -> list[EdgeProfile]:
+        """What the last picture cost in each module, if programs are profiled."""
+        return self.program.profile
 
     def ray_counts(self) -> dict[str, int]:
         """Rays sent for the last picture."""

@@ -17,13 +17,15 @@ from tasuki.renderers.options import Region, RenderOptions
 from tasuki.version import __version__
 
 if TYPE_CHECKING:
-    from tasuki.language.declare import Module
+    from tasuki.language.declare import Module, Socket
     from tasuki.machines.cpu.machine import EdgeProfile
+    from tasuki.programs import Filler
     from tasuki.renderers.picture import Picture
     from tasuki.renderers.raytrace import RayTracer
+    from tasuki.renderers.scanline import ScanlineRenderer
     from tasuki.scene.model import Scene
 
-METHODS = {"raytrace": True, "scanline": False}
+METHODS = {"raytrace": True, "scanline": True}
 """The methods, and whether this version has them."""
 MACHINES = {"cpu": True, "python": True, "pu": False, "gpu": False}
 """The machines, and whether this version has them."""
@@ -57,6 +59,8 @@ def render(
 ) -> Picture:
     """A picture of a scene, or of the scene in a file.
 
+    `method` "scanline" decides row by row what shows, faster than rays find it: shadows, mirrors and glass are left
+    out, and all shapes must be polygons.
     `size` is (width, height) in pixels, by default the scene's resolution; `region` (x, y, width, height) is the part
     of it that is rendered, counted from the upper left corner. `samples` rays go through each pixel, and `depth`
     generations of rays are followed, the eye ray counted. `threads`: by default one for each processor; their number
@@ -85,14 +89,14 @@ def render(
     )
     # A size that was given is checked before anything is loaded.
     options = options_for(size) if size else None
-    fillers = _resolve(modules or {})
+    fillers = _resolve(modules or {}, method)
     tell = progress or (lambda doing, share: None)
     tell("loading", None)
     loaded, loading = _load(scene)
     options = options or options_for(loaded.camera.resolution)
     tell("preparing", None)
     try:
-        picture = _make(loaded, options, fillers, tell)
+        picture = _make(method, loaded, options, fillers, tell)
     except MemoryError:
         message = f"not enough memory for {options.region.width} x {options.region.height} pixels and the scene"
         raise SceneError(str(Diagnostic(message, hint="render it in parts, with a region"))) from None
@@ -150,23 +154,20 @@ def _load(scene: Scene | str | Path) -> tuple[Scene, float]:
 # --- modules that fill sockets ----------------------------------------------------------------------------------------
 
 
-def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
+def _resolve(given: Mapping[str, Module | str], method: str) -> dict[str, Module]:
     """The modules that are to fill sockets, each held against its socket. LinkError with all that do not fit."""
     if not given:
         return {}
     from tasuki.language.declare import Module
-    from tasuki.language.link import mismatch, reached_sockets
+    from tasuki.language.link import mismatch
     from tasuki.language.load import resolve_module
-    from tasuki.modules.raytrace import trace_pixel
-    from tasuki.renderers.fillers import Traits, default_fillers
-    from tasuki.scene.kinds import kinds
 
     modules = {name: resolve_module(one) if isinstance(one, str) else one for name, one in given.items()}
     for name, one in modules.items():
         if not isinstance(one, Module):
             expected = "a module, or FILE.py:NAME"
             raise LinkError(str(Diagnostic(f"this cannot fill socket `{name}`", expected=expected, found=repr(one))))
-    sockets = reached_sockets(trace_pixel, default_fillers(Traits.of_all(kinds())) | modules)
+    sockets = _sockets(method, modules)
     fillable = ", ".join(sorted(name for name, socket in sockets.items() if not socket.dispatch))
     problems: list[Diagnostic] = []
     for name, module in modules.items():
@@ -184,39 +185,66 @@ def _resolve(given: Mapping[str, Module | str]) -> dict[str, Module]:
     return modules
 
 
+def _sockets(method: str, modules: Mapping[str, Module]) -> Mapping[str, Socket]:
+    """The sockets that a method's modules reach, by name, where `modules` fill some of them."""
+    from tasuki.language.link import reached_sockets
+
+    if method == "scanline":
+        from tasuki.modules.scanline.luminance import draw_pixel
+        from tasuki.renderers.scanline import FILLERS
+
+        return reached_sockets(draw_pixel, {**FILLERS, **modules})
+
+    from tasuki.modules.raytrace import trace_pixel
+    from tasuki.renderers.fillers import Traits, default_fillers
+    from tasuki.scene.kinds import kinds
+
+    return reached_sockets(trace_pixel, {**default_fillers(Traits.of_all(kinds())), **modules})
+
+
 # --- one picture ------------------------------------------------------------------------------------------------------
 
 
-def _make(scene: Scene, options: RenderOptions, fillers: Mapping[str, Module], tell: Progress) -> Picture:
+def _make(method: str, scene: Scene, options: RenderOptions, fillers: Mapping[str, Module], tell: Progress) -> Picture:
     from tasuki.programs import REPORT
     from tasuki.renderers.picture import Picture
-    from tasuki.renderers.raytrace import RayTracer
 
     compiled_before = REPORT.seconds
-    tracer = RayTracer(scene, options, fillers)
+    renderer = _renderer(method)(scene, options, fillers)
     compiling = REPORT.seconds - compiled_before
     try:
-        pixels = tracer.render(lambda share: tell("rendering", share))
+        pixels = renderer.render(lambda share: tell("rendering", share))
     except KeyboardInterrupt:
-        raise Interrupted(Picture(tracer.pixels())) from None
-    picture = Picture(pixels, _stats(tracer))
+        raise Interrupted(Picture(renderer.pixels())) from None
+    picture = Picture(pixels, _stats(method, renderer))
     picture.stats["seconds"] = {
         "load": None,
-        "build": tracer.seconds["build"],
+        "build": renderer.seconds["build"],
         "compile": compiling,
-        "render": tracer.seconds["render"],
+        "render": renderer.seconds["render"],
         "write": None,
         "total": None,
     }
     return picture
 
 
-def _stats(tracer: RayTracer) -> dict[str, Any]:
+def _renderer(method: str) -> type[RayTracer] | type[ScanlineRenderer]:
+    if method == "scanline":
+        from tasuki.renderers.scanline import ScanlineRenderer
+
+        return ScanlineRenderer
+
+    from tasuki.renderers.raytrace import RayTracer
+
+    return RayTracer
+
+
+def _stats(method: str, renderer: RayTracer | ScanlineRenderer) -> dict[str, Any]:
     """What the report says of the scene, the rays, the machine and the modules."""
-    scene, options, region = tracer.scene, tracer.options, tracer.options.region
+    scene, options, region = renderer.scene, renderer.options, renderer.options.region
     stats: dict[str, Any] = {
         "version": __version__,
-        "method": "raytrace",
+        "method": method,
         "scene": {
             "file": None,
             "size": [options.width, options.height],
@@ -224,40 +252,39 @@ def _stats(tracer: RayTracer) -> dict[str, Any]:
             "samples": options.samples,
             "depth": options.depth,
             "shapes": len(scene.shapes),
-            "primitives": dict(tracer.prepared.packed.counts),
             "lights": len(scene.lights),
             "materials": len(scene.materials),
-            "bvh_nodes": tracer.nodes,
             "warnings": list(scene.warnings),
+            **renderer.counts(),
         },
-        "rays": tracer.ray_counts(),
-        "machine": _machine(tracer),
-        "modules": _modules(tracer),
+        "rays": renderer.ray_counts(),
+        "machine": _machine(renderer),
+        "modules": _modules(renderer.fillers()),
         "pu": None,
     }
     if options.profile:
-        stats["profile"] = profile_rows(tracer.program.profile)
+        stats["profile"] = profile_rows(renderer.profile())
     return stats
 
 
-def _machine(tracer: RayTracer) -> dict[str, Any]:
-    from tasuki.native.compile import host
+def _machine(renderer: RayTracer | ScanlineRenderer) -> dict[str, Any]:
+    from tasuki.native.compile import host, lanes
 
-    options = tracer.options
+    options = renderer.options
     if options.machine == "python":
         return {"name": "python", "version": sys.version.split()[0], "lanes": 1, "threads": 1}
     threads = 1 if options.profile else options.threads
-    return {"name": "cpu", "processor": host().cpu, "lanes": tracer.program.shape.width, "threads": threads}
+    return {"name": "cpu", "processor": host().cpu, "lanes": lanes(), "threads": threads}
 
 
-def _modules(tracer: RayTracer) -> list[dict[str, Any]]:
+def _modules(fillers: Mapping[str, Filler]) -> list[dict[str, Any]]:
     """The modules that filled sockets, and the kind of primitive where there is one for each."""
     from tasuki.modules.search import OBJECT
     from tasuki.scene.kinds import kinds
 
     rows = []
     names = {kind.number: kind.name for kind in kinds()} | {OBJECT: "object"}
-    for socket, filler in sorted(tracer.prepared.fillers().items()):
+    for socket, filler in sorted(fillers.items()):
         pairs: list[tuple[Module, str | None]]
         if isinstance(filler, Sequence):
             pairs = [(case.module, names.get(case.number)) for case in filler]

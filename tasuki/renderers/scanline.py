@@ -16,7 +16,7 @@ import numpy as np
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.ir.memory import MemoryTable
 from tasuki.language.declare import Module
-from tasuki.machines.cpu.machine import Executable, Number, Progress
+from tasuki.machines.cpu.machine import EdgeProfile, Executable, Number, Progress
 from tasuki.modules import records as rec
 from tasuki.modules.raytrace import GOLDEN_X, GOLDEN_Y
 from tasuki.modules.scanline import edges, geometry, luminance, reference, spans
@@ -25,13 +25,12 @@ from tasuki.modules.scanline.clipping import MOST_CORNERS
 from tasuki.modules.scanline.fixed import SUBPIXEL
 from tasuki.modules.shading import diffuse_and_highlight, shading
 from tasuki.native.buffers import aligned_zeros
-from tasuki.programs import Options, executable
+from tasuki.programs import Filler, Options, executable
 from tasuki.renderers.mesh import mesh_of
 from tasuki.renderers.options import RenderOptions
-from tasuki.scene.memory import MOST_ROWS
-from tasuki.scene.model import Camera, PointLight, Scene
-from tasuki.scene.pack import local_origin, pack
-from tasuki.scene.shapes import Shapes
+from tasuki.scene.memory import MOST_ROWS, Memory
+from tasuki.scene.model import Camera, Scene
+from tasuki.scene.pack import pack
 
 NEAREST = 1e-6
 """Of the distance to the farthest vertex: what is nearer to the eye does not show."""
@@ -55,6 +54,10 @@ LANES = (
 )
 
 
+FILLERS: dict[str, Filler] = {"shading": diffuse_and_highlight, "luminance": luminance.phong_luminance}
+"""What fills the sockets by default."""
+
+
 class ScanlineRenderer:
     """A scene made ready: one mesh in memory, its modules compiled. Renders any number of pictures.
 
@@ -66,13 +69,15 @@ class ScanlineRenderer:
         self.scene = scene
         self.options = options
         self.seconds: dict[str, float] = {}
-        self.fillers = {"shading": diffuse_and_highlight, "luminance": luminance.phong_luminance} | dict(modules or {})
+        self._profile: list[EdgeProfile] = []
+        self._fillers: dict[str, Filler] = FILLERS | dict(modules or {})
         started = perf_counter()
-        self.origin = local_origin(scene)
-        self.mesh = mesh_of(scene, self.origin)
+        packed = pack(scene)
+        self.origin = packed.origin
+        self.mesh = mesh_of(packed)
         self.corners = _box_corners(self.mesh.vertices["position"])
         self.tables: dict[str, MemoryTable] = {}
-        self._fill_tables()
+        self._fill_tables(packed.build())
         self.look(scene.camera)
         self.place(np.eye(4))
         self.seconds["build"] = perf_counter() - started
@@ -80,12 +85,15 @@ class ScanlineRenderer:
         self.programs = {entry: self._compile(entry, checked) for entry in (*SERIAL, *LANES)}
 
     def _compile(self, entry: Module, checked: bool) -> Executable:
-        width = 1 if entry in SERIAL else 0
-        return executable(entry, Options(("number",), width=width, checked=checked), self.fillers)
+        profile = self.options.profile
+        # LLVM cannot pass the mask of a single lane to a function, and profiled modules are functions.
+        serial = 2 if profile else 1
+        options = Options(("number",), serial if entry in SERIAL else 0, checked, profile)
+        return executable(entry, options, self._fillers)
 
     # --- making ready -------------------------------------------------------------------------------------------------
 
-    def _fill_tables(self) -> None:
+    def _fill_tables(self, packed: Memory) -> None:
         """Every table with as many records as it will ever need, but for those of edges, which `_reserve` makes."""
         mesh, options = self.mesh, self.options
         region = options.region
@@ -93,13 +101,13 @@ class ScanlineRenderer:
         rows = -(-region.height // (BANDS_PER_THREAD * options.threads))
         self.band_shift = max(LEAST_BAND, (rows - 1).bit_length())
         self.bands = -(-region.height >> self.band_shift)
-        attributes, lights = _attributes_and_lights(self.scene, self.origin)
+        lights = packed.table("lights")
         contents: dict[str, np.ndarray | tuple[Any, int]] = {
             "vertices": mesh.vertices,
             "vertex_normals": mesh.normals,
             "faces": mesh.faces,
             "face_edges": mesh.edges,
-            "attributes": attributes,
+            "attributes": packed.table("attributes"),
             "lights": lights,
             "reference_lights": (rec.Light, len(lights)),
             "reference_vertices": (scan.ReferenceVertex, len(mesh.vertices)),
@@ -159,6 +167,7 @@ class ScanlineRenderer:
         A view of the renderer's memory: the next picture overwrites it.
         """
         started = perf_counter()
+        self._profile.clear()
         self._fill_frame()
         with self._plainly() if self.options.machine == "python" else ExitStack():
             for sample in range(self.options.samples):
@@ -222,7 +231,9 @@ class ScanlineRenderer:
             serial = entry in SERIAL
             threads = min(self.options.threads, items if serial else -(-items // ITEMS_PER_THREAD))
             chunk = items if threads == 1 else 1 if serial else CHUNK
-            self.programs[entry].run([Number()], items, tables=self.tables, threads=threads, chunk=chunk)
+            program = self.programs[entry]
+            program.run([Number()], items, tables=self.tables, threads=threads, chunk=chunk)
+            self._profile += program.profile
 
     def _plainly(self) -> ExitStack:
         """The modules as plain Python, one item after another: slow, and open to any Python debugger."""
@@ -231,8 +242,32 @@ class ScanlineRenderer:
         stack = ExitStack()
         stack.enter_context(tables(self.tables))
         for socket in (shading, luminance.luminance):
-            stack.enter_context(socket.filled(self.fillers[socket.name]))
+            stack.enter_context(socket.filled(self._fillers[socket.name]))
         return stack
+
+    # --- what the report says -----------------------------------------------------------------------------------------
+
+    def fillers(self) -> Mapping[str, Filler]:
+        """What fills every socket."""
+        return self._fillers
+
+    def counts(self) -> dict[str, Any]:
+        """Of the mesh, and of the last sample that was drawn."""
+        mesh = self.mesh
+        return {
+            "primitives": {"triangle": len(mesh.faces)},
+            "vertices": len(mesh.vertices),
+            "edges": len(mesh.edges),
+            "clipped": self.counted("partial"),
+            "edge_table": self.counted("sorted"),
+        }
+
+    def profile(self) -> list[EdgeProfile]:
+        """What the last picture cost in each module, if programs are profiled."""
+        return self._profile
+
+    def ray_counts(self) -> None:
+        """None were sent."""
 
     def counted(self, what: str) -> int:
         """Of the last sample: "partial" faces, which were clipped, or "sorted" entries of the edge table."""
@@ -259,15 +294,6 @@ def _table(name: str, content: np.ndarray | tuple[Any, int]) -> MemoryTable:
     if isinstance(content, np.ndarray):
         memory.reshape(-1).view(dtype)[:count] = content
     return MemoryTable(memory, 0, count)
-
-
-def _attributes_and_lights(scene: Scene, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The tables of these names as the ray tracer has them, light positions counted from `origin`."""
-    nothing = Shapes.of([])
-    bare = Shapes(scene.materials, nothing.sorts, nothing.spheres, nothing.cones, nothing.polygons)
-    moved = [PointLight(tuple((np.array(light.position) - origin).tolist()), light.colour) for light in scene.lights]
-    memory = pack(Scene(scene.camera, bare, moved, scene.background)).build()
-    return memory.table("attributes"), memory.table("lights")
 
 
 def _box_corners(positions: np.ndarray) -> np.ndarray:

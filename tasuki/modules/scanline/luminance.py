@@ -5,7 +5,7 @@ H. Gouraud, "Continuous Shading of Curved Surfaces", 1971; B. T. Phong, "Illumin
 """
 
 from tasuki.language import cross, dot, f32, i32, max, min, module, norm, normalize, reciprocal, select, socket, vec3
-from tasuki.modules.records import Attribute, Pixel, attributes, picture, views
+from tasuki.modules.records import DIRECTIONAL, Attribute, Pixel, attributes, picture, views
 from tasuki.modules.scanline.records import (
     Face,
     FacePlane,
@@ -61,14 +61,13 @@ def smooth_normal(plane: FacePlane, direction: vec3) -> vec3:
 
 @module
 def light_from(attribute: Attribute, way: vec3, scale: f32, normal: vec3) -> vec3:
-    """What all lamps send from the point way / scale towards the eye. A lamp behind the surface sends nothing; none is
-    in shadow.
-    """
+    """What all lights send from the point way / scale towards the eye: none from behind the surface, and no shadows."""
     result = attribute.ambient * attribute.colour
     direction = normalize(way)
     for n in range(len(reference_lights)):
         light = reference_lights[n]
-        to_light = normalize(scale * light.position - way)
+        far_away = light.kind == DIRECTIONAL
+        to_light = normalize(select(far_away, light.position, scale * light.position - way))
         if dot(normal, to_light) > 0.0:
             result = result + shading(attribute, normal, direction, to_light, light.colour)
     return result

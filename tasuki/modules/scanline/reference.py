@@ -1,7 +1,7 @@
 """Matrix to the reference coordinate system (module 1), and the lights in it (module 2)."""
 
-from tasuki.language import cross, dot, f32, i32, mat4, module, normalize, vec3, vec4
-from tasuki.modules.records import View, lights, views
+from tasuki.language import cross, dot, f32, i32, mat4, module, normalize, select, vec3, vec4
+from tasuki.modules.records import DIRECTIONAL, Light, View, lights, views
 from tasuki.modules.scanline.records import (
     Frame,
     FrameCounts,
@@ -38,10 +38,11 @@ def normal_matrix(m: mat4) -> mat4:
 
 
 @module(number=2, method="scanline")
-def light_to_reference(position: vec3, reference_from_scene: mat4) -> vec3:
-    """A lamp's place in the reference system."""
-    moved = vec4(position, 1.0) @ reference_from_scene
-    return moved.xyz
+def light_to_reference(light: Light, reference_from_scene: mat4) -> Light:
+    """A light in the reference system: the place of a lamp, the direction to a light that is far away."""
+    place = vec4(light.position, select(light.kind == DIRECTIONAL, 0.0, 1.0))
+    moved = place @ reference_from_scene
+    return Light(moved.xyz, light.kind, light.colour)
 
 
 @module
@@ -53,8 +54,7 @@ def begin_frame(item: i32):
     frames[0].reference_from_object = reference_from_object
     frames[0].reference_from_normal = normal_matrix(reference_from_object)
     for n in range(len(lights)):
-        reference_lights[n] = lights[n]
-        reference_lights[n].position = light_to_reference(lights[n].position, reference_from_scene)
+        reference_lights[n] = light_to_reference(lights[n], reference_from_scene)
     frame_counts[0] = FrameCounts(0, 0)
     for row in range(views[0].region_height):
         row_buckets[row] = RowBucket(0, 0, 0)
