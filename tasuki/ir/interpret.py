@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, MachineError
+from tasuki.ir.arithmetic import IEEE, Arithmetic
 from tasuki.ir.binding import Argument, bind_arguments, bind_tables, dtype_of
 from tasuki.ir.expansions import Term
 from tasuki.ir.memory import Access, BoundTable, MemoryTable, Value
@@ -64,6 +65,7 @@ def interpret(
     width: int | None = None,
     checked: bool = True,
     max_iterations: int | None = None,
+    arithmetic: Arithmetic = IEEE,
 ) -> Value:
     """The result of the program's entry for `lanes` lanes: its leaves, each an array of shape (lanes,); [] for VOID.
 
@@ -71,7 +73,8 @@ def interpret(
     table parameter a MemoryTable. `tables`: the named tables. Both may be written to by the program.
     `precision`: float32 (the meaning) or float64 (the oracle). `width`: lanes run in packets of that many, one packet
     after another; None makes one packet of all. `checked`: an index outside a table is an error. `max_iterations`: the
-    most passes that one run of a loop may take.
+    most passes that one run of a loop may take. `arithmetic`: that of a machine, for
+    float32, in the place of the meaning.
 
     The program is taken to be verified. Raises MachineError: arguments that do not fit, a missing table, an index
     outside a table, lanes that disagree in `same_lanes`, a loop over its limit.
@@ -86,7 +89,9 @@ def interpret(
     results = [np.zeros(lanes, dtype_of(leaf, precision)) for leaf in entry.result.leaves]
     for first in range(0, lanes, step):
         packet = slice(first, min(first + step, lanes))
-        interpreter = Interpreter(program, bound, packet.stop - first, first, precision, checked, max_iterations)
+        interpreter = Interpreter(
+            program, bound, packet.stop - first, first, precision, checked, max_iterations, arithmetic
+        )
         values = [
             argument if isinstance(argument, BoundTable) else [leaf[packet] for leaf in argument] for argument in inputs
         ]
@@ -129,6 +134,7 @@ class Interpreter:
     precision: np.dtype
     checked: bool
     max_iterations: int | None
+    arithmetic: Arithmetic
 
     def call(self, function: Function, arguments: Sequence[Value | BoundTable], active: np.ndarray) -> Value:
         """The result of `function` for the active lanes; zero in the others."""
@@ -324,6 +330,8 @@ class Interpreter:
 
     def _primitive(self, operation: Operation, arguments: list[np.ndarray], leaf: str) -> np.ndarray:
         reference = operation.oracle if self._oracular(operation) else operation.reference
+        if leaf == "f32":
+            reference = self.arithmetic.primitives.get(operation.name, reference)
         assert reference is not None
         return np.asarray(reference(*arguments)).astype(self._dtype(leaf), copy=False)
 
@@ -331,12 +339,15 @@ class Interpreter:
         if self._oracular(operation):
             assert operation.oracle is not None
             return [operation.oracle(*(leaf for argument in arguments for leaf in argument))]
-        assert operation.expansion is not None
+        if operation.name in self.arithmetic.functions:
+            return [self.arithmetic.functions[operation.name](*(leaf for argument in arguments for leaf in argument))]
+        expansion = self.arithmetic.expansions.get(operation.name, operation.expansion)
+        assert expansion is not None
         terms = [
             [Term(leaf, scalar, self._apply, self._literal) for leaf, scalar in zip(value, kind.leaves, strict=True)]
             for value, kind in zip(arguments, types, strict=True)
         ]
-        return [term.value for term in operation.expansion(*terms)]
+        return [term.value for term in expansion(*terms)]
 
     def _oracular(self, operation: Operation) -> bool:
         return operation.oracle is not None and self.precision == np.float64
