@@ -45,7 +45,7 @@ class Options:
     checked: bool = True
     """Whether every access to a table is checked."""
     profile: bool = False
-    """Whether modules stay calls, and are timed."""
+    """Whether modules stay calls, and are timed; in packets of one lane they are counted only."""
 
 
 @dataclass

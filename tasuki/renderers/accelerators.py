@@ -6,7 +6,7 @@ the bounds, code and cost of every thing in the scene; `build` may put it into a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +27,8 @@ class Accelerator:
 
     `tables` says which tables they need for a packed scene. `build`, if any, is a module that fills them, on one lane:
     it takes the number of boxes, and by how much boxes must be widened so that no slab test misses what lies in them
-    (f32); it returns the number of nodes. Modules may be given as "package.module:name".
+    (f32); it returns the number of nodes. `steps` are the modules whose calls count as steps of a ray through the
+    accelerator's structure: to a node, or a cell. Modules may be given as "package.module:name".
     """
 
     name: str
@@ -35,11 +36,19 @@ class Accelerator:
     blocked: Any
     tables: Callable[[Packed], Tables]
     build: Any = None
+    steps: Sequence[Any] = ()
 
     def resolve(self, role: str) -> Any:
         """The object in field `role`, imported where it is given by name."""
-        value = getattr(self, role)
-        return resolve(value) if isinstance(value, str) else value
+        return _resolved(getattr(self, role))
+
+    def step_modules(self) -> list[Any]:
+        """The modules in `steps`."""
+        return [_resolved(module) for module in self.steps]
+
+
+def _resolved(value: Any) -> Any:
+    return resolve(value) if isinstance(value, str) else value
 
 
 _ACCELERATORS: dict[str, Accelerator] = {}
@@ -82,6 +91,7 @@ register(
         blocked="tasuki.modules.bvh:shadow_intersection",
         tables=_bvh_tables,
         build="tasuki.modules.bvh_build:build_bvh",
+        steps=[f"tasuki.modules.bvh:{name}" for name in ("child_entries", "nearest_in_leaf", "blocked_in_leaf")],
     )
 )
 register(
@@ -90,5 +100,6 @@ register(
         nearest="tasuki.modules.extents:nearest_in_extents",
         blocked="tasuki.modules.extents:shadow_in_extents",
         tables=_extents_tables,
+        steps=["tasuki.modules.extents:enters_extent"],
     )
 )

@@ -45,7 +45,7 @@ class Lowered:
 def lower_program(program: ir.Program, pattern: Pattern, width: int, *, checked: bool, profile: bool) -> Lowered:
     """Lower the entry of a (verified) program for arguments whose leaves vary as `pattern` says, and all that it calls.
     """
-    module = ModuleLowering(program, width, Checker(checked), ProfileCounters(profile))
+    module = ModuleLowering(program, width, Checker(checked), ProfileCounters(profile, timed=width > 1))
     entry = module.function(program.entry, pattern)
     variance = module.analysis.analyse(program.entry, pattern)
     varying = tuple(reason is not None for reason in variance.result)
