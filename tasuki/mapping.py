@@ -24,8 +24,10 @@ from tasuki.machines.cpu.machine import Argument, Items, Same
 from tasuki.native.buffers import aligned_zeros
 from tasuki.programs import Filler, Options, executable, link_program
 
-Machine = Literal["cpu", "interpreter", "python"]
-MACHINES = ("cpu", "interpreter", "python")
+Machine = Literal["cpu", "pu", "interpreter", "python"]
+MACHINES = ("cpu", "pu", "interpreter", "python")
+ArithmeticName = Literal["ieee", "pu"]
+ARITHMETICS = ("ieee", "pu")
 DTYPES = {"f32": np.dtype(np.float32), "i32": np.dtype(np.int32), "bool": np.dtype(np.bool_)}
 MOST_THREADS = 1 << 10
 MOST_LANES = 1 << 10
@@ -43,29 +45,33 @@ def map_module(
     width: int | None = None,
     checked: bool = True,
     precision: Any = np.float32,
+    arithmetic: ArithmeticName = "ieee",
     **named: Any,
 ) -> Any:
     """Apply a module to every element of arrays; an array, or a tuple of them, as the module's result is.
 
     `fill` fills the sockets that it reaches, `tables` binds named tables to structured arrays (which it may change).
-    `machine`: "cpu" (SIMD machine code, `threads` threads, packets of `width` lanes), "interpreter" (the definition;
-    also in `precision` float64) or "python" (item by item, in CPython). With no argument that has items there is one.
+    `machine`: "cpu" (SIMD machine code, `threads` threads, packets of `width` lanes), "pu" (microcode on the simulated
+    processor unit, item by item), "interpreter" (the definition; also in `precision` float64, and with the processor
+    unit's `arithmetic`) or "python" (item by item, in CPython). With no argument that has items there is one.
     Raises TasukiError where arguments do not fit.
     """
-    number_format = _checked_options(machine, threads, width, precision)
+    number_format = _checked_options(machine, threads, width, precision, arithmetic)
     call = _Call(module, _in_order(module, arguments, named), tables or {})
     fillers = _checked_fillers(fill or {})
     if machine == "cpu":
         leaves = call.on_cpu(fillers, threads or os.cpu_count() or 1, width or 0, checked)
+    elif machine == "pu":
+        leaves = call.on_pu(fillers)
     elif machine == "interpreter":
-        leaves = call.on_interpreter(fillers, width, number_format)
+        leaves = call.on_interpreter(fillers, width, number_format, arithmetic)
     else:
         leaves = call.in_python(fillers)
     call.write_back()
     return from_leaves(module.signature.result, leaves)
 
 
-def _checked_options(machine: str, threads: Any, width: Any, precision: Any) -> np.dtype:
+def _checked_options(machine: str, threads: Any, width: Any, precision: Any, arithmetic: Any) -> np.dtype:
     """The precision as a dtype. TasukiError where one of the options does not exist."""
     if machine not in MACHINES:
         raise TasukiError(f"unknown machine {machine!r}; known: {', '.join(MACHINES)}")
@@ -77,6 +83,10 @@ def _checked_options(machine: str, threads: Any, width: Any, precision: Any) -> 
         raise TasukiError(f"precision: expected float32 or float64, found {precision!r}")
     if number_format != np.float32 and machine != "interpreter":
         raise TasukiError(f"machine {machine!r} computes in float32; machine 'interpreter' also in float64")
+    if arithmetic not in ARITHMETICS:
+        raise TasukiError(f"arithmetic: expected {' or '.join(ARITHMETICS)}, found {arithmetic!r}")
+    if arithmetic != "ieee" and (machine != "interpreter" or number_format != np.float32):
+        raise TasukiError("only machine 'interpreter' computes in the arithmetic of another, and in float32")
     return number_format
 
 
@@ -131,16 +141,36 @@ class _Call:
                 arguments.append(argument.table)
             else:
                 arguments.append(Items(argument) if argument[0].ndim else Same([leaf.item() for leaf in argument]))
-        named = {name: table.table for name, table in self.tables.items()}
-        return program.run(arguments, self.items, tables=named, threads=min(threads, -(-self.items // 1024)))
+        return program.run(arguments, self.items, tables=self._named(), threads=min(threads, -(-self.items // 1024)))
 
-    def on_interpreter(self, fill: Mapping[str, Filler], width: int | None, precision: np.dtype) -> list[np.ndarray]:
+    def on_pu(self, fill: Mapping[str, Filler]) -> list[np.ndarray]:
+        from tasuki.machines.pu.lower import Executable
+
+        executable = Executable(link_program(self.module, fill))
+        return executable.run(self._tables_and_leaves(), self.items, tables=self._named())
+
+    def on_interpreter(
+        self, fill: Mapping[str, Filler], width: int | None, precision: np.dtype, arithmetic: ArithmeticName
+    ) -> list[np.ndarray]:
+        from tasuki.ir.arithmetic import IEEE
         from tasuki.ir.interpret import interpret
+        from tasuki.machines.pu.lower import ARITHMETIC
 
-        program = link_program(self.module, fill)
-        arguments = [a.table if isinstance(a, TableArray) else a for a in self.arguments]
-        named = {name: table.table for name, table in self.tables.items()}
-        return interpret(program, arguments, lanes=self.items, tables=named, precision=precision, width=width)
+        return interpret(
+            link_program(self.module, fill),
+            self._tables_and_leaves(),
+            lanes=self.items,
+            tables=self._named(),
+            precision=precision,
+            width=width,
+            arithmetic=ARITHMETIC if arithmetic == "pu" else IEEE,
+        )
+
+    def _tables_and_leaves(self) -> list[list[np.ndarray] | MemoryTable]:
+        return [a.table if isinstance(a, TableArray) else a for a in self.arguments]
+
+    def _named(self) -> dict[str, MemoryTable]:
+        return {name: table.table for name, table in self.tables.items()}
 
     def in_python(self, fill: Mapping[str, Filler]) -> list[np.ndarray]:
         from tasuki.language.plain import tables as bind

@@ -110,10 +110,10 @@ class MemoryAccess:
         code, table = self.arithmetic.code, Word(slot.name, "table")
         if slot.length is None:
             code.effect("seek", table, index)
-        elif isinstance(index, Place):
-            code.effect("seek_within", table, index, slot.length - 1)
+        elif isinstance(index, int):
+            code.effect("seek", table, min(max(index, 0), slot.length - 1))
         else:
-            code.effect("seek", table, min(max(int(index), 0), slot.length - 1))
+            code.effect("seek_within", table, index, slot.length - 1)
         self.standing[slot.name] = index
 
     def load(self, slot: Slot, index: Operand, leaves: range, type_: Type, into: Place | None) -> Value:
@@ -123,7 +123,8 @@ class MemoryAccess:
 
     def take(self, slot: Slot, leaves: range, type_: Type, into: Place | None = None) -> Value:
         """The same from the record at which the table stands."""
-        code, value = self.arithmetic.code, []
+        code = self.arithmetic.code
+        value: list[Place] = []
         # Into a part of a vector nothing is taken at once: bringing the rest of it from memory would fetch another row.
         into = None if into and into.is_part else into
         fetched = None
@@ -134,7 +135,7 @@ class MemoryAccess:
                 fetched = row
             value.append(self._take_part(part, "xyzs"[bank], into))
         if slot.is_array:
-            return value
+            return list(value)
         return [self._truth(one) if part == BOOL else one for part, one in zip(parts(type_), value, strict=True)]
 
     def _take_part(self, part: Type, bank: str, into: Place | None) -> Place:
