@@ -156,6 +156,7 @@ def render(
         "threads": threads,
         "unchecked": unchecked,
         "profile": profile,
+        "count": stats is not None,
     }
     if accelerator != "bvh":
         raise typer.BadParameter(f"there is no accelerator {accelerator!r}; expected bvh", param_hint="--accelerator")

@@ -30,7 +30,8 @@ class RenderOptions:
 
     `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0:
     one for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
-    `machine`: "cpu" or "python". `accelerator`: one of `tasuki.renderers.accelerators`.
+    `machine`: "cpu" or "python". `accelerator`: one of `tasuki.renderers.accelerators`. `count`: afterwards the search
+    is counted (`tasuki.renderers.search_counts`).
     """
 
     width: int = 512
@@ -41,6 +42,7 @@ class RenderOptions:
     region: Region = field(default_factory=lambda: Region(0, 0, 0, 0))
     unchecked: bool = False
     profile: bool = False
+    count: bool = False
     machine: str = "cpu"
     accelerator: str = "bvh"
 

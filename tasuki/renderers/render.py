@@ -55,6 +55,7 @@ def render(
     modules: Mapping[str, Module | str] | None = None,
     unchecked: bool = False,
     profile: bool = False,
+    count: bool = False,
     progress: Progress | None = None,
 ) -> Picture:
     """A picture of a scene, or of the scene in a file.
@@ -67,7 +68,8 @@ def render(
     does not change the picture. `machine` "python" runs the modules' own source, one pixel after another: slow, and
     open to any debugger; the picture is the same. `modules` fills sockets, by name, with modules of yours, given as
     they are or as "FILE.py:NAME"; their accesses to tables are checked unless `unchecked`. `profile` times modules, on
-    one thread.
+    one thread. `count`: afterwards some pixels are traced once more, to count the intersection tests and the steps
+    that a ray takes (`stats["search"]`, see `tasuki.renderers.search_counts`).
 
     `Picture.stats` tells what was made of what, how many rays were sent, and where the time went. Raises SceneError,
     LinkError, SourceError or MachineError, and `Interrupted` on Ctrl-C.
@@ -86,6 +88,7 @@ def render(
         region=region,
         unchecked=unchecked,
         profile=profile,
+        count=count,
     )
     # A size that was given is checked before anything is loaded.
     options = options_for(size) if size else None
@@ -214,9 +217,10 @@ def _make(method: str, scene: Scene, options: RenderOptions, fillers: Mapping[st
     compiling = REPORT.seconds - compiled_before
     try:
         pixels = renderer.render(lambda share: tell("rendering", share))
+        search = _search(renderer, tell)
     except KeyboardInterrupt:
         raise Interrupted(Picture(renderer.pixels())) from None
-    picture = Picture(pixels, _stats(method, renderer))
+    picture = Picture(pixels, _stats(method, renderer) | search)
     picture.stats["seconds"] = {
         "load": None,
         "build": renderer.seconds["build"],
@@ -237,6 +241,18 @@ def _renderer(method: str) -> type[RayTracer] | type[ScanlineRenderer]:
     from tasuki.renderers.raytrace import RayTracer
 
     return RayTracer
+
+
+def _search(renderer: RayTracer | ScanlineRenderer, tell: Progress) -> dict[str, Any]:
+    """What is to be reported of the search for hits, if that is to be counted, and there is one."""
+    from tasuki.renderers.raytrace import RayTracer
+
+    if not (renderer.options.count and isinstance(renderer, RayTracer)):
+        return {}
+    from tasuki.renderers.search_counts import search_counts
+
+    tell("counting", None)
+    return {"search": search_counts(renderer)}
 
 
 def _stats(method: str, renderer: RayTracer | ScanlineRenderer) -> dict[str, Any]:
