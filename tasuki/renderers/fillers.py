@@ -13,9 +13,11 @@ from tasuki.modules.objects import facet_of_anything, hit_of_anything, object_bo
 from tasuki.modules.search import OBJECT, hit_of_primitive
 from tasuki.modules.shading import diffuse_and_highlight
 from tasuki.modules.surface import facet_of_primitive, plain_texture
+from tasuki.modules.texture import material_texture
 from tasuki.programs import Filler
 from tasuki.renderers.accelerators import Accelerator, lookup
 from tasuki.scene.kinds import PrimitiveKind
+from tasuki.scene.textures import TextureKind
 
 STANDING = {"primitive_hit": "hit", "primitive_surface": "surface", "primitive_bounds": "box"}
 """Dispatch sockets, and the role of the module of each kind of primitives, standing alone, that fills them."""
@@ -27,13 +29,14 @@ FILLED = STANDING | OPERANDS
 @dataclass(frozen=True)
 class Traits:
     """What a scene has that asks for modules: kinds of primitives that stand alone, and of operands of objects;
-    whether anything lets light through, and whether such solids meet other things.
+    whether anything lets light through, and whether such solids meet other things; and the kinds of its textures.
     """
 
     standing: Sequence[PrimitiveKind]
     operands: Sequence[PrimitiveKind] = ()
     transparent: bool = True
     nested: bool = True
+    textures: Sequence[TextureKind] = ()
 
     @classmethod
     def of_all(cls, kinds: Sequence[PrimitiveKind]) -> Traits:
@@ -46,7 +49,7 @@ def default_fillers(traits: Traits, accelerator: Accelerator | None = None) -> d
     search = accelerator or lookup("bvh")
     filled: dict[str, Filler] = {
         "shading": diffuse_and_highlight,
-        "texture": plain_texture,
+        "texture": material_texture if traits.textures else plain_texture,
         "traced_light": trace_tree if traits.transparent else trace_mirrors,
         "media_at": nested_media if traits.nested else own_medium,
         "nearest_hit": search.resolve("nearest"),
@@ -56,6 +59,9 @@ def default_fillers(traits: Traits, accelerator: Accelerator | None = None) -> d
     }
     filled |= {socket: _cases(traits.standing, role) for socket, role in STANDING.items()}
     filled |= {socket: _cases(_solids(traits), role) for socket, role in OPERANDS.items()}
+    if traits.textures:
+        kinds = traits.textures
+        filled["texture_colour"] = [Case(kind.number, kind.module, kind.table, kind.table_name) for kind in kinds]
     if traits.operands:
         objects = Case(OBJECT, object_bounds, rec.objects, "objects")
         filled["primitive_bounds"] = [*_cases(traits.standing, "box"), objects]

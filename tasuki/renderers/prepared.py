@@ -31,8 +31,9 @@ class PreparedScene:
     """A scene in memory, with the table "boxes" filled.
 
     `tables`, given the packed scene, says which tables to add: arrays, or (record, count), by name. `modules` fills
-    sockets by name, in the place of ours; they run with checked accesses unless `unchecked`. `profile`: programs are
-    compiled to time modules. Raises SceneError, SourceError or LinkError.
+    sockets by name, in the place of ours. Where a socket is filled with a module of a user's, accesses to tables are
+    checked unless `unchecked`. `profile`: programs are compiled to time modules. Raises SceneError, SourceError or
+    LinkError.
     """
 
     def __init__(
@@ -47,8 +48,6 @@ class PreparedScene:
     ) -> None:
         self.packed = pack(scene)
         self.modules = dict(modules or {})
-        # Modules that come with the package may run unchecked: their tables were verified when they were packed.
-        self.checked = bool(self.modules) and not unchecked
         self.profile = profile
         builder = self.packed.builder
         builder.add("boxes", (rec.Box, self.packed.things))
@@ -61,7 +60,10 @@ class PreparedScene:
             self.packed.objects.operands,
             transparent=bool((self.memory.table("attributes")["transmission"] > 0.0).any()),
             nested=bool(len(self.memory.table("media"))),
+            textures=self.packed.textures,
         )
+        # Modules that come with the package may run unchecked: their tables were verified when they were packed.
+        self.checked = not unchecked and any(map(_is_foreign, self.fillers().values()))
         self._initialise_objects()
 
     def _initialise_objects(self) -> None:
@@ -95,6 +97,12 @@ class PreparedScene:
             return None
         low, high = boxes["low"][bounded].min(axis=0), boxes["high"][bounded].max(axis=0)
         return low + self.packed.origin, high + self.packed.origin
+
+
+def _is_foreign(filler: Filler) -> bool:
+    """Whether a module that is no part of the package is among those that fill a socket."""
+    modules = [filler] if isinstance(filler, Module) else [case.module for case in filler]
+    return not all(module.__module__.startswith("tasuki.") for module in modules)
 
 
 def codes_and_costs(kinds: Sequence[PrimitiveKind], packed: Packed) -> tuple[np.ndarray, np.ndarray]:

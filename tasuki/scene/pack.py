@@ -23,6 +23,7 @@ from tasuki.scene.memory import Memory, MemoryBuilder
 from tasuki.scene.model import DirectionalLight, Light, Scene, default_intensity
 from tasuki.scene.objects import Formulas, Matrices, Objects
 from tasuki.scene.source import scene_error
+from tasuki.scene.textures import TextureKind, lower_textures
 from tasuki.scene.transforms import unit
 
 DIRECTIONAL = 1
@@ -49,6 +50,7 @@ class Packed:
     primitives: tuple[Primitives, ...]
     formulas: Formulas
     objects: Objects
+    textures: Sequence[TextureKind]
     builder: MemoryBuilder
 
     @property
@@ -93,13 +95,15 @@ def pack(scene: Scene) -> Packed:
     primitives = tuple(lower(flat, origin))
     objects = formulas.lower(origin, size, {one.kind.name: len(one.records) for one in primitives})
     builder = MemoryBuilder()
-    for name, records in _records(flat, primitives, objects).items():
+    textures = lower_textures(flat.materials)
+    for name, records in [*_records(flat, primitives, objects).items(), *textures.tables.items()]:
         builder.add(name, records)
     builder.add("matrices", matrices.records(origin))
     builder.add("media", media(flat, objects, lookup("quadric").number, origin))
-    builder.add("attributes", _verified("material", _attributes(flat.materials, len(scene.lights))))
+    attributes = _attributes(flat.materials, textures.codes, len(scene.lights))
+    builder.add("attributes", _verified("material", attributes))
     builder.add("lights", _verified("light", _lights(scene.lights, origin)))
-    packed = Packed(scene, flat, origin, primitives, formulas, objects, builder)
+    packed = Packed(scene, flat, origin, primitives, formulas, objects, textures.kinds, builder)
     unbounded = list(extents.unbounded(packed))
     if unbounded:
         raise scene_error(unbounded)
@@ -118,8 +122,8 @@ def _records(flat: Flat, primitives: Sequence[Primitives], objects: Objects) -> 
     return tables
 
 
-def _attributes(materials: Sequence[Material], lights: int) -> np.ndarray:
-    """One record for each material; what they have in common has the same name in both."""
+def _attributes(materials: Sequence[Material], textures: Sequence[int], lights: int) -> np.ndarray:
+    """One record for each material and the code of its texture; what they have in common has the same name in both."""
     records = np.zeros(len(materials), record_dtype("Attribute"))
     intensity = default_intensity(lights)
     with np.errstate(over="ignore"):
@@ -129,7 +133,7 @@ def _attributes(materials: Sequence[Material], lights: int) -> np.ndarray:
         records["ambient"] = [
             material.diffuse * intensity if material.ambient is None else material.ambient for material in materials
         ]
-    records["texture"] = -1
+    records["texture"] = textures
     records["flags"] = [TWO_SIDED if material.shows_both_sides() else 0 for material in materials]
     return records
 
