@@ -169,11 +169,10 @@ class ScanlineRenderer:
         started = perf_counter()
         self._profile.clear()
         self._fill_frame()
-        with self._plainly() if self.options.machine == "python" else ExitStack():
-            for sample in range(self.options.samples):
-                self._draw_sample(sample)
-                if progress:
-                    progress((sample + 1) / self.options.samples)
+        for sample in range(self.options.samples):
+            self._draw_sample(sample)
+            if progress:
+                progress((sample + 1) / self.options.samples)
         self.seconds["render"] = perf_counter() - started
         return self.pixels()
 
@@ -225,8 +224,7 @@ class ScanlineRenderer:
 
     def _run(self, entry: Module, items: int) -> None:
         if self.options.machine == "python":
-            for item in range(items):
-                entry(item)
+            self._run_plainly(entry, items)
         elif items:
             serial = entry in SERIAL
             threads = min(self.options.threads, items if serial else -(-items // ITEMS_PER_THREAD))
@@ -235,15 +233,16 @@ class ScanlineRenderer:
             program.run([Number()], items, tables=self.tables, threads=threads, chunk=chunk)
             self._profile += program.profile
 
-    def _plainly(self) -> ExitStack:
-        """The modules as plain Python, one item after another: slow, and open to any Python debugger."""
+    def _run_plainly(self, entry: Module, items: int) -> None:
+        """The module's own Python source, one item after another: slow, and open to any Python debugger."""
         from tasuki.language.plain import tables
 
-        stack = ExitStack()
-        stack.enter_context(tables(self.tables))
-        for socket in (shading, luminance.luminance):
-            stack.enter_context(socket.filled(self._fillers[socket.name]))
-        return stack
+        with ExitStack() as stack:
+            stack.enter_context(tables(self.tables))
+            for socket in (shading, luminance.luminance):
+                stack.enter_context(socket.filled(self._fillers[socket.name]))
+            for item in range(items):
+                entry(item)
 
     # --- what the report says -----------------------------------------------------------------------------------------
 
