@@ -129,7 +129,9 @@ def render(
     samples: Annotated[int, typer.Option(metavar="N", help="Rays through each pixel.")] = 1,
     depth: Annotated[int, typer.Option(metavar="N", help="Generations of rays, the eye ray counted.")] = 5,
     threads: Annotated[int | None, typer.Option(metavar="N", help="By default one for each processor.")] = None,
-    accelerator: Annotated[str, typer.Option(metavar="NAME", help="How rays find primitives: bvh.")] = "bvh",
+    accelerator: Annotated[
+        str, typer.Option(metavar="NAME", help="How rays find what they hit: bvh, extents, or yours.")
+    ] = "bvh",
     region: Annotated[
         str | None, typer.Option(metavar="X,Y,W,H", help="Render this part only; in pixels, from the upper left.")
     ] = None,
@@ -151,6 +153,8 @@ def render(
         "size": _numbers(size, r"(\d+)x(\d+)", "--size", "WxH, such as 512x512"),
         "region": _numbers(region, r"(\d+),(\d+),(\d+),(\d+)", "--region", "X,Y,W,H, such as 0,0,64,64"),
         "modules": _socket_fillers(modules or []),
+        "with_files": with_files or [],
+        "accelerator": accelerator,
         "samples": samples,
         "depth": depth,
         "threads": threads,
@@ -158,15 +162,12 @@ def render(
         "profile": profile,
         "count": stats is not None,
     }
-    if accelerator != "bvh":
-        raise typer.BadParameter(f"there is no accelerator {accelerator!r}; expected bvh", param_hint="--accelerator")
     with reported(debug):
         from tasuki.renderers.files import check_writable
 
         out = check_writable(output or Path(f"{scene.stem}.png"))
         if stats and check_writable(stats, suffixes=()).resolve() == out.resolve():
             raise OutputError(str(Diagnostic("the report would overwrite the picture", found=str(stats))))
-        _load_files(with_files)
         _render(scene, out, stats, arguments, quiet)
 
 
@@ -197,13 +198,15 @@ def _render(scene: Path, out: Path, stats: Path | None, arguments: dict[str, Any
 
 
 @app.command()
-def info(scene: SceneFile, as_json: AsJson = False, debug: Debug = False) -> None:
+def info(scene: SceneFile, with_files: WithFiles = None, as_json: AsJson = False, debug: Debug = False) -> None:
     """Say what is in a scene."""
     with reported(debug):
+        from tasuki.renderers.extensions import load_extensions
         from tasuki.renderers.info import info as scene_info
         from tasuki.scene import load_scene
         from tasuki.terminal import print_info
 
+        load_extensions(with_files or [])
         content = scene_info(load_scene(scene))
         if as_json:
             print(json.dumps(content, indent=2))
@@ -341,11 +344,13 @@ def run(
 
 
 @app.command()
-def schema(debug: Debug = False) -> None:
+def schema(with_files: WithFiles = None, debug: Debug = False) -> None:
     """Print the JSON Schema of the scene format."""
     with reported(debug):
+        from tasuki.renderers.extensions import load_extensions
         from tasuki.scene.schema import scene_schema
 
+        load_extensions(with_files or [])
         print(json.dumps(scene_schema(), indent=2))
 
 
@@ -372,14 +377,6 @@ def _socket_fillers(given: list[str]) -> dict[str, str]:
             raise typer.BadParameter(f"socket {socket!r} is filled twice", param_hint="--module")
         fillers[socket] = module
     return fillers
-
-
-def _load_files(files: list[Path] | None) -> None:
-    if files:
-        from tasuki.language.load import load_file
-
-        for file in files:
-            load_file(file)
 
 
 def process_seconds() -> float:

@@ -369,7 +369,7 @@ WRONG_OPTIONS = {
     "machine to come": (["--machine", "pu"], ["has not the machine 'pu' yet"]),
     "unknown accelerator": (["--accelerator", "grid"], ["'grid'", "bvh"]),
     "unknown option": (["--sise", "16x16"], ["--sise", "--size"]),
-    "unknown socket": (["--module", "shadign=mine.py:flat"], ["no socket `shadign`", "expected: shading"]),
+    "unknown socket": (["--module", "shadign=mine.py:flat"], ["no socket `shadign`", "expected: facet_of", "shading"]),
     "socket filled by kinds": (["--module", "primitive_hit=mine.py:flat"], ["`primitive_hit`", "kind of primitive"]),
     "file without that module": (["--module", "shading=mine.py:flad"], ["no module `flad`", "did you mean `flat`?"]),
     "no module": (["--module", "shading=mine.py:plain"], ["`plain` in `mine.py` is not a module"]),

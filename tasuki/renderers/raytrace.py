@@ -99,7 +99,8 @@ class RayTracer:
         size = np.abs(corners[np.abs(corners) < UNBOUNDED]).max(initial=0.0)
         if self.accelerator.build is None:
             return 0
-        builder = executable(self.accelerator.resolve("build"), Options(("same", "same"), width=1, checked=False))
+        options = Options(("same", "same"), width=1, checked=self.prepared.checked)
+        builder = executable(self.accelerator.resolve("build"), options)
         arguments = [Same([len(boxes)]), Same([float(size) * ERROR_BOUND])]
         return int(builder.run(arguments, 1, tables=self.prepared.tables())[0][0])
 

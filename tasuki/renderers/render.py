@@ -53,6 +53,8 @@ def render(
     threads: int | None = None,
     region: Region | tuple[int, int, int, int] | None = None,
     modules: Mapping[str, Module | str] | None = None,
+    with_files: Sequence[str | Path] = (),
+    accelerator: str = "bvh",
     unchecked: bool = False,
     profile: bool = False,
     count: bool = False,
@@ -67,9 +69,11 @@ def render(
     generations of rays are followed, the eye ray counted. `threads`: by default one for each processor; their number
     does not change the picture. `machine` "python" runs the modules' own source, one pixel after another: slow, and
     open to any debugger; the picture is the same. `modules` fills sockets, by name, with modules of yours, given as
-    they are or as "FILE.py:NAME"; their accesses to tables are checked unless `unchecked`. `profile` times modules, on
-    one thread. `count`: afterwards some pixels are traced once more, to count the intersection tests and the steps
-    that a ray takes (`stats["search"]`, see `tasuki.renderers.search_counts`).
+    they are or as "FILE.py:NAME". `with_files` are run first: they register solids, textures and accelerators of yours.
+    `accelerator` keeps the search for hits short; it does not change the picture. Where modules of yours take part,
+    accesses to tables are checked unless `unchecked`. `profile` times modules, on one thread. `count`: afterwards some
+    pixels are traced once more, to count the intersection tests and the steps that a ray takes (`stats["search"]`, see
+    `tasuki.renderers.search_counts`).
 
     `Picture.stats` tells what was made of what, how many rays were sent, and where the time went. Raises SceneError,
     LinkError, SourceError or MachineError, and `Interrupted` on Ctrl-C.
@@ -89,9 +93,11 @@ def render(
         unchecked=unchecked,
         profile=profile,
         count=count,
+        accelerator=accelerator,
     )
     # A size that was given is checked before anything is loaded.
     options = options_for(size) if size else None
+    _bring(with_files, accelerator)
     fillers = _resolve(modules or {}, method)
     tell = progress or (lambda doing, share: None)
     tell("loading", None)
@@ -137,6 +143,17 @@ def _check_known(what: str, name: str, known: Mapping[str, bool]) -> None:
     if not known[name]:
         message = f"this version of Tasuki has not the {what} {name!r} yet"
         raise SceneError(str(Diagnostic(message, expected=available, found=name)))
+
+
+def _bring(files: Sequence[str | Path], accelerator: str) -> None:
+    """Have what users bring registered; SceneError where there is no such accelerator then."""
+    if files:
+        from tasuki.renderers.extensions import load_extensions
+
+        load_extensions(files)
+    from tasuki.renderers.accelerators import lookup
+
+    lookup(accelerator)
 
 
 def _load(scene: Scene | str | Path) -> tuple[Scene, float]:

@@ -1,0 +1,51 @@
+"""Files that users bring (`--with FILE.py`): what such a file registers is known from then on.
+
+A file of Python registers solids and surfaces (`tasuki.scene.kinds`), textures (`tasuki.scene.textures`) or
+accelerators (`tasuki.renderers.accelerators`) while it is run, once.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterable
+from pathlib import Path
+
+from tasuki.diagnostics import Diagnostic, SceneError, Span
+from tasuki.language.load import load_file
+from tasuki.renderers.accelerators import accelerators
+from tasuki.scene.kinds import kinds
+from tasuki.scene.textures import textures
+
+_known: set[str] = set()
+"""The names under which files stand in `sys.modules` that have registered something."""
+
+
+def load_extensions(files: Iterable[str | Path]) -> None:
+    """Run those of `files` that have not been run yet.
+
+    SourceError where one is missing, is not Python or fails; SceneError where it registers nothing, or something that
+    cannot be registered.
+    """
+    for file in files:
+        before = _registered()
+        try:
+            namespace = load_file(file)
+        except SceneError as error:
+            raise SceneError(_with_place(error, file)) from error
+        if namespace.__name__ not in _known and _registered() == before:
+            expected = "a call of `register`, of a kind of primitives, a texture or an accelerator"
+            raise SceneError(str(Diagnostic(f"the file '{file}' registers nothing", None, expected, "none")))
+        _known.add(namespace.__name__)
+
+
+def _registered() -> int:
+    """How many things are registered by now."""
+    return len(kinds()) + len(textures()) + len(accelerators())
+
+
+def _with_place(error: SceneError, file: str | Path) -> str:
+    """What went wrong, and the line of the file that asked for it."""
+    path = str(Path(file).resolve())
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
+    place = Span(path, (lines[-1] if lines else 1) or 1)
+    return f"{place}: {error}"
