@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tasuki.scene import textures
+from tasuki.scene.collector import collector_paused
 from tasuki.scene.material import Material
 from tasuki.scene.model import Camera, DirectionalLight, Light, Scene
 from tasuki.scene.problem import Path, Problem, dotted, number, point
@@ -36,10 +38,11 @@ def problems(scene: Scene) -> list[Problem]:
 
 
 def _shapes(shapes: Shapes) -> list[Problem]:
-    found = shape_problems(shapes)
-    if found or not shapes.nodes:
-        return found
-    return list(Walk(shapes).problems())
+    with collector_paused():
+        found = shape_problems(shapes)
+        if found or not shapes.nodes:
+            return found
+        return list(Walk(shapes).problems())
 
 
 def without_degenerate(scene: Scene) -> Scene:
@@ -136,6 +139,9 @@ def _material(path: Path, material: Material) -> Iterator[Problem]:
     if not 0.0 < material.index < math.inf:
         message = "no such refractive index"
         yield Problem((*path, "index"), message, "a number greater than 0", number(material.index))
+    if material.texture is not None:
+        for problem in textures.problems(material.texture):
+            yield replace(problem, path=(*path, "texture", *problem.path))
 
 
 def _light(path: Path, light: Light) -> Iterator[Problem]:
