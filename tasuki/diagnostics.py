@@ -12,6 +12,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
+WIDEST = 160
+"""Characters that are drawn of a source line; of a longer one only the part around what is wrong."""
+
 
 @dataclass(frozen=True)
 class Span:
@@ -111,9 +114,21 @@ def _draw(span: Span, source: str | None) -> list[str]:
     text = line[0].rstrip("\n").replace("\t", " ")
     end = span.end_column if span.end_line in (0, span.line) else len(text)
     end = min(max(end, span.column + 1), max(len(text), span.column + 1))
+    text, column, end = _window(text, span.column, end)
     gutter = f"{span.line:5} | "
-    pad = " " * _width(text[: span.column])
-    return [gutter + text, " " * (len(gutter) - 2) + "| " + pad + "^" * max(1, _width(text[span.column : end]))]
+    pad = " " * _width(text[:column])
+    return [gutter + text, " " * (len(gutter) - 2) + "| " + pad + "^" * max(1, _width(text[column:end]))]
+
+
+def _window(text: str, column: int, end: int) -> tuple[str, int, int]:
+    """The part of a very long line around `column` to `end`, and where these stand in it."""
+    if len(text) <= WIDEST:
+        return text, column, end
+    first = max(0, column - WIDEST // 3)
+    last = first + WIDEST
+    head, tail = "..." if first else "", "..." if last < len(text) else ""
+    shift = len(head) - first
+    return head + text[first:last] + tail, column + shift, min(end, last) + shift
 
 
 @lru_cache(maxsize=4)

@@ -17,6 +17,8 @@ from tasuki.scene.yaml_format import read as read_yaml
 FILES = sorted(path for path in (Path(__file__).parent / "errors").iterdir() if path.suffix in (".nff", ".yaml"))
 DATA = Path(__file__).parents[1] / "data"
 EXAMPLE = Path(__file__).parent / "errors" / "wrong_numbers.yaml"
+NESTED = Path(__file__).parent / "errors" / "formula_unknown_part.yaml"
+CAMERA = "camera: {eye: [0, -5, 1], at: [0, 0, 0]}\n"
 READERS = {".nff": read_nff, ".yaml": read_yaml}
 
 
@@ -58,6 +60,9 @@ def test_no_nff_raises_anything_else(pieces, with_view):
 
 
 MARKS = [*"[]{}:,-&*!|>'\"%@`?\n ", "  - ", ": ", "camera", "shapes", "sphere", "1", ".nan", "~", "&a", "*a", "円"]
+MARKS += ["definitions", "instance", "of", "group", "union", "object", "parts", "formula", "transform", "scale", "x"]
+SHAPES = ["sphere: {centre: [0, 0, 0], radius: 1}", "union", "group", "complement", "child", "children", "object"]
+SHAPES += ["parts", "a", "formula", "polish", "a - a", "transform", "scale", "2", "extent", "auto", "instance", "of"]
 
 
 @given(st.lists(st.sampled_from(MARKS), max_size=40))
@@ -66,8 +71,16 @@ def test_no_yaml_raises_anything_else(pieces):
         read_yaml(SourceText.from_bytes("random.yaml", "".join(pieces).encode()))
 
 
+@given(st.lists(st.sampled_from([*"[]{}:,", ": ", ", ", ": {", ": [", "}, ", "], ", *SHAPES]), max_size=40))
+def test_no_tree_raises_anything_else(pieces):
+    text = f"{CAMERA}definitions: {{a: {{group: []}}}}\nshapes: [{{group: [{{{''.join(pieces)}"
+    for end in ("", "}]}]", "]}}]}]"):
+        with contextlib.suppress(SceneError):
+            pack(read_yaml(SourceText.from_bytes("random.yaml", (text + end).encode())))
+
+
 def test_every_cut_and_every_lost_character_of_a_scene_is_survived():
-    for path, read in ((DATA / "still_life.nff", read_nff), (EXAMPLE, read_yaml)):
+    for path, read in ((DATA / "still_life.nff", read_nff), (EXAMPLE, read_yaml), (NESTED, read_yaml)):
         data = path.read_bytes()
         for place in range(0, len(data), 7):
             for text in (data[:place], data[:place] + data[place + 1 :]):
@@ -120,6 +133,44 @@ def test_deep_nesting_is_refused_quickly(tmp_path):
     path = tmp_path / "deep.yaml"
     path.write_text("[" * 100_000)
     assert "nested too deeply" in message(path)
+
+
+def test_trees_that_are_too_deep_are_refused(tmp_path):
+    path = tmp_path / "deep.yaml"
+    for levels, expected in ((10_000, "nested too deeply"), (1_005, "nodes are nested too deeply here")):
+        path.write_text(f"{CAMERA}shapes: [{'{group: [' * levels + ']}' * levels}]")
+        text = message(path)
+        assert expected in text
+        assert len(text) < 1000
+    chain = "".join(f"  d{n}: {{group: [{{instance: {{of: d{n + 1}}}}}]}}\n" for n in range(5_000))
+    end = "  d5000: {sphere: {centre: [0, 0, 0], radius: 1}}\n"
+    path.write_text(f"{CAMERA}definitions:\n{chain}{end}shapes: [{{instance: {{of: d0}}}}]")
+    assert "shapes[0]: nodes are nested too deeply here" in message(path)
+
+
+def test_an_extent_of_something_unbounded_is_refused(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        f"""{CAMERA}shapes:
+  - group:
+      - union:
+          extent: auto
+          children:
+            - half_space: {{normal: [0, 0, 1], point: [0, 0, 0]}}
+            - box: {{low: [0, 0, 0], high: [1, 1, 1]}}
+"""
+    )
+    with pytest.raises(SceneError) as caught:
+        pack(load_scene(path))
+    text = str(caught.value)
+    assert f"{path}:4" in text
+    assert "shapes[0].children[0].extent: this object has no bounds, so it can have no extent" in text
+
+
+def test_an_empty_scene_is_drawn_with_a_warning(tmp_path):
+    path = tmp_path / "empty.yaml"
+    path.write_text(CAMERA)
+    assert any("the scene has no shapes" in warning for warning in load_scene(path).warnings)
 
 
 def test_errors_quote_the_text_that_was_read_without_control_characters(tmp_path):

@@ -15,9 +15,10 @@ import yaml
 
 from tasuki.diagnostics import Diagnostic, Note, Span
 from tasuki.scene.source import SourceText, quote, scene_error
+from tasuki.scene.tree import MOST_LEVELS
 
-DEEPEST = 50
-"""Levels of nesting; a scene needs six."""
+DEEPEST = 3 * MOST_LEVELS + 20
+"""Levels of nesting: a node of a scene takes three, for its item, its body and its list of children."""
 
 MOST_VALUES = 5_000_000
 """Values in a file, those that aliases repeat counted every time."""
@@ -32,25 +33,21 @@ _WORDS |= dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan"))
 
 @dataclass(slots=True)
 class Node:
-    """A value and its place: a scalar, a list of nodes, or a dict from a key's text to its (key, value) nodes."""
+    """A value and its place: a scalar, a list of nodes, or a dict from a key's text to its (key, value) nodes.
+
+    `plain` is the same as plain Python data.
+    """
 
     value: Any
     text: str
     start: Any
     end: Any
+    plain: Any
     size: int = 1
     closed: bool = False
 
     def span(self, file: str) -> Span:
         return _span(file, self.start, self.end)
-
-    def plain(self) -> Any:
-        """The value as plain Python data."""
-        if isinstance(self.value, list):
-            return [item.plain() for item in self.value]
-        if isinstance(self.value, dict):
-            return {key: item.plain() for key, (_, item) in self.value.items()}
-        return self.value
 
     def describe(self) -> str:
         """The value as a message shows it."""
@@ -89,7 +86,10 @@ class _Composer:
     def document(self) -> Node | None:
         documents = 0
         for event in self._events():
-            if isinstance(event, yaml.DocumentStartEvent):
+            # Most of a large scene are numbers: they take the shortest way.
+            if type(event) is yaml.ScalarEvent and event.tag is None and event.anchor is None:
+                self._attach(_scalar(event))
+            elif isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
                     self._fail("a second document", event, "one scene in a file", "another after `---`")
@@ -104,9 +104,11 @@ class _Composer:
         return self.root
 
     def _events(self) -> Iterator[Any]:
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        loader_class = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         try:
-            yield from yaml.parse(self.source.data.decode("utf-8"), Loader=loader)
+            loader = loader_class(self.source.data.decode("utf-8"))
+            while type(event := loader.get_event()) is not yaml.StreamEndEvent:
+                yield event
         except yaml.MarkedYAMLError as error:
             raise self._syntax_error(error) from None
         except yaml.reader.ReaderError as error:
@@ -121,12 +123,10 @@ class _Composer:
         if event.tag is not None and event.tag != "!":
             self._fail("tags have no place in a scene", event, "plain data", quote(event.tag))
         if isinstance(event, yaml.ScalarEvent):
-            is_plain = event.implicit[0]
-            value = resolve_scalar(event.value) if is_plain else event.value
-            node = Node(value, event.value, event.start_mark, event.end_mark, closed=True)
+            node = _scalar(event)
         else:
-            value = [] if isinstance(event, yaml.SequenceStartEvent) else {}
-            node = Node(value, "", event.start_mark, event.end_mark)
+            kind: type = list if isinstance(event, yaml.SequenceStartEvent) else dict
+            node = Node(kind(), "", event.start_mark, event.end_mark, kind())
         if event.anchor:
             self.anchors[event.anchor] = node
         if node.closed:
@@ -155,14 +155,16 @@ class _Composer:
         parent.size += node.size
         if parent.size > MOST_VALUES:
             self._fail("this scene is too large", node, f"at most {MOST_VALUES} values", "more, with its aliases")
-        if isinstance(parent.value, list):
+        if type(parent.value) is list:
             parent.value.append(node)
+            parent.plain.append(node.plain)
         elif self.keys[-1] is None:
             self._check_key(parent, node)
             self.keys[-1] = node
         else:
             key = self.keys[-1]
             parent.value[key.text] = (key, node)
+            parent.plain[key.text] = node.plain
             self.keys[-1] = None
 
     def _check_key(self, parent: Node, key: Node) -> None:
@@ -186,6 +188,12 @@ class _Composer:
             notes = (Note(error.context, place),)
         message = f"this is not YAML: {error.problem or error.context}"
         return scene_error([Diagnostic(message, span, None, None, None, notes, self.source.shown)])
+
+
+def _scalar(event: yaml.ScalarEvent) -> Node:
+    text = event.value
+    value = resolve_scalar(text) if event.implicit[0] else text
+    return Node(value, text, event.start_mark, event.end_mark, value, 1, True)
 
 
 def ord_of(error: yaml.reader.ReaderError) -> int:

@@ -1,0 +1,100 @@
+"""Reading: from the text of a file to the scene."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from pydantic import ValidationError
+
+from tasuki.diagnostics import Diagnostic, SceneError
+from tasuki.scene.check import problems
+from tasuki.scene.material import Material, Vector
+from tasuki.scene.model import Camera, DirectionalLight, PointLight, Scene
+from tasuki.scene.schema import CameraModel, DirectionalLightModel, MaterialModel, PointLightModel, SceneModel
+from tasuki.scene.shapes import Shapes
+from tasuki.scene.source import SourceText, scene_error
+from tasuki.scene.yaml_format.nodes import compose
+from tasuki.scene.yaml_format.places import Places
+from tasuki.scene.yaml_format.tree import Walk, build
+
+
+def read(source: SourceText) -> Scene:
+    """The scene in `source`; SceneError with everything that is wrong with it."""
+    with _collector_paused():
+        return _read(source)
+
+
+def _read(source: SourceText) -> Scene:
+    root = compose(source)
+    if root is None:
+        raise SceneError(str(Diagnostic(f"{source.file!r} is empty", None, "a scene in YAML", "no document")))
+    places = Places(source, root)
+    wrong = []
+    try:
+        model = SceneModel.model_validate(root.plain)
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_input=False)
+        wrong = [places.explain(one, (), SceneModel) for one in found]
+    walk = Walk(places, list(places.plain("materials", dict)))
+    if wrong or walk.wrong:
+        raise scene_error(wrong + walk.wrong)
+    scene = _scene(model, walk)
+    if found_problems := problems(scene):
+        # What is wrong inside a definition is found once more with every instance.
+        raise scene_error(dict.fromkeys(map(places.locate, found_problems)))
+    return scene
+
+
+@contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Without the garbage collector: every node lives until the end, and looking at them again doubles the time."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+def _scene(model: SceneModel, walk: Walk) -> Scene:
+    materials = {name: _material(name, material) for name, material in model.materials.items()}
+    return Scene(
+        camera=_camera(model.camera),
+        shapes=Shapes.of(build(walk, materials), list(materials.values())),
+        lights=[_light(light) for light in model.lights],
+        background=_vector(model.background),
+    )
+
+
+def _camera(model: CameraModel) -> Camera:
+    width, height = model.resolution
+    return Camera(
+        eye=_vector(model.eye),
+        at=_vector(model.at),
+        up=_vector(model.up),
+        angle=model.angle,
+        resolution=(width, height),
+        hither=model.hither,
+        angle_between=model.angle_between,
+    )
+
+
+def _light(model: PointLightModel | DirectionalLightModel) -> PointLight | DirectionalLight:
+    colour = None if model.colour is None else _vector(model.colour)
+    if isinstance(model, DirectionalLightModel):
+        return DirectionalLight(_vector(model.direction), colour)
+    return PointLight(_vector(model.position), colour)
+
+
+def _material(name: str, model: MaterialModel) -> Material:
+    values = dict(model)
+    values |= {"colour": _vector(model.colour), "transmittance": _vector(model.transmittance)}
+    return Material(name, **values)
+
+
+def _vector(values: Iterable[float]) -> Vector:
+    x, y, z = map(float, values)
+    return x, y, z
