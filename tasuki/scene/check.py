@@ -19,6 +19,7 @@ from tasuki.scene.problem import Path, Problem, dotted, number, point
 from tasuki.scene.shape_check import Census, shape_problems
 from tasuki.scene.shapes import POLYGON, Shapes, batch_of
 from tasuki.scene.solids import Polygon
+from tasuki.scene.tree import is_empty
 from tasuki.scene.walk import Walk
 
 NO_AREA = "warning: this polygon has no area; it is left out"
@@ -84,7 +85,7 @@ def with_advice(scene: Scene) -> Scene:
     advice = []
     if not scene.lights:
         advice.append("warning: the scene has no light: only the background will show")
-    if not len(scene.shapes):
+    if is_empty([scene.shapes]):
         advice.append("warning: the scene has no shapes: only the background will show")
     return Scene(scene.camera, scene.shapes, scene.lights, scene.background, scene.warnings + advice)
 

@@ -6,15 +6,14 @@ solids of one class together: instances of one node share them.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, Span
+from tasuki.scene.collector import collector_paused
 from tasuki.scene.constructors import CONSTRUCTORS, Form
 from tasuki.scene.csg import Branch, Leaf, Tree
 from tasuki.scene.material import Material, Vector
@@ -110,7 +109,7 @@ def flatten(scene: Scene) -> Flat:
     """
     if not scene.shapes.nodes and not scene.shapes.polygons.degenerate.any():
         return _already_flat(scene.shapes)
-    with _collector_paused():
+    with collector_paused():
         walk = Walk(scene.shapes)
         found = list(walk.problems())
         if found:
@@ -147,18 +146,6 @@ def _flat(walk: Walk, file: str | None) -> Flat:
     return Flat(
         walk.materials, shapes, _objects(objects, walk), sorts, positions_of(sorts), _groups(walk, remain), walk.frames
     )
-
-
-@contextmanager
-def _collector_paused() -> Iterator[None]:
-    """Without the garbage collector: all that is made here lives on, and looking at it again takes time."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 # Batches
@@ -326,18 +313,24 @@ def _constructed(uses: Sequence[Use], solid_class: type[Node], matrices: Sequenc
     literals = constructor.literals(**constructor.columns(solids))
     # Rows taken apart here once, for every use of a solid.
     rows = [(one.kind, list(one.values), one.inverted) for one in literals]
+    form = constructor.form
     for solid, frame, material, inverted in uses:
         position, matrix, place = positions[id(solid)], matrices[frame], solid.place
+        if len(rows) == 1:
+            ((kind, values, _),) = rows
+            yield Leaf(kind, values[position], matrix, material, place, inverted)
+            continue
         leaves = [Leaf(kind, values[position], matrix, material, place, outside) for kind, values, outside in rows]
-        yield _formed(constructor.form, leaves, inverted)
+        yield _branch(form, leaves, inverted)
 
 
-def _formed(form: Form, leaves: Sequence[Leaf], inverted: bool = False) -> Tree:
-    if isinstance(form, int):
-        leaf = leaves[form]
-        return replace(leaf, inverted=not leaf.inverted) if inverted else leaf
-    operation, *operands = form
-    return Branch(operation, tuple(_formed(operand, leaves) for operand in operands), inverted)
+def _branch(form: Form, leaves: list[Leaf], inverted: bool = False) -> Branch:
+    """The branch of a constructor's form. One that joins all leaves in order is by far the most frequent."""
+    assert isinstance(form, tuple)
+    if len(form) == 1 + len(leaves):
+        return Branch(form[0], leaves, inverted)
+    operands = [leaves[one] if isinstance(one, int) else _branch(one, leaves) for one in form[1:]]
+    return Branch(form[0], operands, inverted)
 
 
 def _groups(walk: Walk, remain: np.ndarray) -> list[FlatGroup]:

@@ -175,7 +175,7 @@ def _extents(census: Census, members: Sequence[int]) -> Iterator[Problem]:
         if extent is None:
             continue
         path = (*census.path(place), "extent")
-        if hasattr(node, "is_solid") and not (node.is_solid or node.inner):
+        if not (node.is_solid or node.holds):
             yield Problem(path, f"{node.described} can have no extent", "an extent of a group or a solid", "one here")
         elif isinstance(extent, Extent):
             yield from _extent(path, extent)

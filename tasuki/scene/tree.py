@@ -28,6 +28,8 @@ _Node = TypeVar("_Node", bound="Node")
 class Many:
     """What stands for many nodes as one child of a group; `tasuki.scene.shapes.Shapes` is one."""
 
+    holds: ClassVar[bool] = True
+
     materials: tuple[Material, ...]
     nodes: tuple[Node, ...]
 
@@ -56,6 +58,8 @@ class Node:
     """
 
     noun: ClassVar[str] = "node"
+    holds: ClassVar[bool] = False
+    """Whether there are nodes inside it."""
 
     material: Material | None = None
     transform: Transform = IDENTITY
@@ -147,6 +151,7 @@ class Group(Bounded):
     """Nodes that belong together: a transform moves them all. A whole `Shapes` may be one of the children."""
 
     noun: ClassVar[str] = "group"
+    holds: ClassVar[bool] = True
 
     children: Sequence[Any] = ()
 
@@ -172,6 +177,7 @@ class Instance(Node):
     """The node `of` once more, in another place. Instances share what they are of, in memory too."""
 
     noun: ClassVar[str] = "instance"
+    holds: ClassVar[bool] = True
 
     of: Node
 
@@ -189,12 +195,20 @@ class Instance(Node):
         return ("of",)
 
     @property
-    def is_solid(self) -> bool:
-        # What it is of may be an instance in turn.
+    def original(self) -> Node:
+        """What it is an instance of, which is no instance."""
         node: Node = self
         while isinstance(node, Instance):
             node = node.of
-        return node.is_solid
+        return node
+
+    @property
+    def is_solid(self) -> bool:
+        return self.original.is_solid
+
+    @property
+    def described(self) -> str:
+        return f"an instance of {self.original.described}"
 
     def __repr__(self) -> str:
         return _short(self)
@@ -205,6 +219,7 @@ class SetOperation(Bounded):
     """A set operation on solids. SceneError where it has no operand."""
 
     noun: ClassVar[str] = "set operation"
+    holds: ClassVar[bool] = True
 
     children: Sequence[Node]
 
@@ -257,6 +272,7 @@ class Complement(Bounded):
     """What is outside its child."""
 
     noun: ClassVar[str] = "complement"
+    holds: ClassVar[bool] = True
 
     child: Node
 
@@ -290,6 +306,7 @@ class Formula(Bounded):
     """
 
     noun: ClassVar[str] = "formula"
+    holds: ClassVar[bool] = True
 
     parts: Mapping[str, Node]
     formula: str | None = None
@@ -329,27 +346,50 @@ class Formula(Bounded):
         return _short(self)
 
 
-def materials_of(nodes: Iterable[Any]) -> dict[Material, None]:
-    """The materials that trees are made of, in order; plain white where something has none of its own nor around it."""
+def materials_of(nodes: Iterable[Any]) -> list[Material]:
+    """The materials that trees are made of, and plain white where something has none of its own nor around it.
+
+    In order, those of a node before those inside the nodes in it.
+    """
     found: dict[Material, None] = {}
-    stack, seen = [(node, False) for node in nodes][::-1], set()
+    known: set[int] = set()
+    stack: list[tuple[Iterable[Any], bool]] = [(nodes, False)]
+    seen: set[tuple[int, bool]] = set()
     while stack:
-        node, is_given = stack.pop()
-        if isinstance(node, Many):
-            found.update(dict.fromkeys(node.materials))
-            stack += [(inner, True) for inner in node.nodes[::-1]]
-            continue
-        is_given = is_given or node.material is not None
-        if (id(node), is_given) in seen:
-            continue
-        seen.add((id(node), is_given))
-        if node.material is not None:
-            found[node.material] = None
-        inside = node.inner
-        if not (inside or is_given):
-            found[PLAIN] = None
-        stack += [(inner, is_given) for inner in inside[::-1]]
-    return found
+        inside, is_given = stack.pop()
+        ahead = []
+        for node in inside:
+            if isinstance(node, Many):
+                found.update(dict.fromkeys(node.materials))
+                ahead.append((node.nodes, True))
+                continue
+            material = node.material
+            # By identity first: to compare the values of materials takes longer than all else here.
+            if material is not None and id(material) not in known:
+                known.add(id(material))
+                found[material] = None
+            if node.holds:
+                given = is_given or material is not None
+                if (id(node), given) not in seen:
+                    seen.add((id(node), given))
+                    ahead.append((node.inner, given))
+            elif material is None and not is_given:
+                found[PLAIN] = None
+        stack += ahead[::-1]
+    return list(found)
+
+
+def is_empty(nodes: Iterable[Any]) -> bool:
+    """Whether there is nothing but empty groups in the trees of `nodes`."""
+    stack, seen = list(nodes), set()
+    while stack:
+        node = stack.pop()
+        if not node.holds or (isinstance(node, Many) and len(node) > len(node.nodes)):
+            return False
+        if id(node) not in seen:
+            seen.add(id(node))
+            stack += node.nodes if isinstance(node, Many) else node.inner
+    return True
 
 
 def with_materials(nodes: Sequence[Node], changed: Mapping[Material, Material]) -> list[Node]:
@@ -382,15 +422,16 @@ def measure(nodes: Iterable[Node]) -> list[tuple[int, int]]:
         stack: list[Any] = [root]
         while stack:
             node = stack.pop()
-            is_many = isinstance(node, Many)
-            inside = node.nodes if is_many else node.inner
-            missing = [inner for inner in inside if id(inner) not in done]
+            inside = node.nodes if isinstance(node, Many) else node.inner
+            holders = [inner for inner in inside if inner.holds]
+            missing = [inner for inner in holders if id(inner) not in done]
             if missing:
                 stack += [node, *missing]
                 continue
-            sizes = [done[id(inner)] for inner in inside]
-            own = len(node) - len(inside) if is_many else 1
-            done[id(node)] = (1 + max((deep for deep, _ in sizes), default=0), own + sum(many for _, many in sizes))
+            sizes = [done[id(inner)] for inner in holders]
+            single = len(node) if isinstance(node, Many) else 1 + len(inside)
+            levels = 1 + max((deep for deep, _ in sizes), default=1 if len(inside) else 0)
+            done[id(node)] = (levels, single - len(holders) + sum(many for _, many in sizes))
         found.append(done[id(root)])
     return found
 

@@ -297,7 +297,7 @@ def test_a_material_is_that_of_the_nearest_node_that_names_one():
     assert names == [["red"] * 6 + ["blue"] * 6, ["blue"] * 6, ["default"] * 6]
     assert [found.materials[one.material].name for one in found.objects] == ["red", "blue", "default"]
     assert [found.materials[number].name for number in found.shapes.polygons.material] == ["red"]
-    assert found.materials == Scene(CAMERA, [group, UNIT]).materials == (RED, BLUE, Material())
+    assert found.materials == Scene(CAMERA, [group, UNIT]).materials == (RED, Material(), BLUE)
 
 
 def test_the_medium_is_the_objects_own_material_or_that_of_its_first_literal():
