@@ -16,12 +16,17 @@ ROW_ALIGN = 16
 
 
 def row_addresses(e: Emitter, table: TableValue, index: Leaf) -> list[str]:
-    """For each lane a pointer to its record."""
-    words = table.record.rows * BANKS
+    """For each lane a pointer to its record.
+
+    The number of its first word is computed for all lanes at once, and fits 32 bits without a sign: extracted, it needs
+    neither extension nor shift, and becomes a part of the address.
+    """
+    stride = e.broadcast(e.constant(table.record.rows * BANKS, "i32"))
+    words = Leaf("i32", True, e.value(f"mul {e.typed(index)}, {stride.text}"))
     addresses = []
     for lane in range(e.width):
-        wide = e.value(f"sext i32 {extract(e, index, str(lane))} to i64")
-        addresses.append(e.value(f"getelementptr inbounds [{words} x i32], ptr {table.base}, i64 {wide}"))
+        wide = e.value(f"zext i32 {extract(e, words, str(lane))} to i64")
+        addresses.append(e.value(f"getelementptr inbounds i32, ptr {table.base}, i64 {wide}"))
     return addresses
 
 
