@@ -197,5 +197,7 @@ def _add(tables: dict[str, np.ndarray], name: str, rows: np.ndarray) -> int:
     before = tables.get(name, rows[:0])
     if before.dtype != rows.dtype:
         raise SceneError(str(Diagnostic(f"two kinds of textures have a table {name!r}, with different records")))
-    tables[name] = np.concatenate([before, rows])
+    # Not `np.concatenate`, which would take the gaps out of records.
+    tables[name] = np.empty(len(before) + len(rows), rows.dtype)
+    tables[name][: len(before)], tables[name][len(before) :] = before, rows
     return len(before)
