@@ -192,7 +192,7 @@ class ScanlineRenderer:
         view = self.records("views", rec.View)
         far = _farthest(self.corners, frame["scene_from_object"][0], view["eye"][0])
         frame["pixel"] = np.linalg.norm(view["right"])
-        frame["near"], frame["far"] = far * NEAREST, far
+        frame["near"], frame["nearest"], frame["farthest"] = far * NEAREST, 1.0 / (far * NEAREST), 1.0 / far
         frame["share"] = 1.0 / self.options.samples
         frame["band_shift"] = self.band_shift
         frame["row_shift"] = _row_shift(self.options.region.width)

@@ -32,7 +32,7 @@ def luminance(face: i32, direction: vec3) -> vec3:
 def nearness(plane: FacePlane, direction: vec3) -> f32:
     """1 / z of the point of a face in a direction with z = 1, which is within the bounds of everything's."""
     frame = frames[0]
-    return min(max(dot(plane.slope, direction), 1.0 / frame.far), 1.0 / frame.near)
+    return min(max(dot(plane.slope, direction), frame.farthest), frame.nearest)
 
 
 @module
@@ -56,7 +56,9 @@ def smooth_normal(plane: FacePlane, direction: vec3) -> vec3:
     """The unit normal interpolated between the corners, on the side that is seen; the face's, where there is none."""
     normal = vec3(dot(plane.normal_x, direction), dot(plane.normal_y, direction), dot(plane.normal_z, direction))
     length = norm(normal)
-    return select(length > 0.0, normal * reciprocal(length), facing_normal(plane))
+    if length > 0.0:
+        return normal * reciprocal(length)
+    return facing_normal(plane)
 
 
 @module

@@ -57,8 +57,8 @@ class Frame:
 
     `pixel` is the side of a pixel at distance 1 from the eye. In pass `sample` each pixel is looked at in one point,
     `sample_x`, `sample_y` subpixels from its upper left corner, which counts with weight `share`. Nothing nearer than
-    `near` shows; nothing is farther away than `far`. A band has 2**band_shift rows; the first pixels of neighbouring
-    rows have numbers 2**row_shift apart.
+    z = `near` shows; 1 / z of what shows lies between `farthest` and `nearest`. A band has 2**band_shift rows; the
+    first pixels of neighbouring rows have numbers 2**row_shift apart.
     """
 
     scene_from_object: mat4
@@ -67,7 +67,8 @@ class Frame:
     reference_from_normal: mat4
     pixel: f32
     near: f32
-    far: f32
+    nearest: f32
+    farthest: f32
     share: f32
     sample_x: i32
     sample_y: i32
