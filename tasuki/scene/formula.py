@@ -321,10 +321,10 @@ def grouped(part: Part) -> Sequence[Part | Group]:
     What matters of a union's operand is the box around it, of an intersection's that around its complement; where that
     is empty the operand is left out.
     """
-    first = part.parts[:1] if part.parts[0].waiting else []
-    others = part.parts[len(first) :]
+    others = [one for one in part.parts if (one.box if part.is_union else one.gap) != EMPTY]
+    first = [others.pop(0)] if others and others[0].waiting else []
     boxes = [one.box if part.is_union else one.gap for one in others]
-    bounded = [i for i, box in enumerate(boxes) if is_bounded(box) and box != EMPTY]
+    bounded = [i for i, box in enumerate(boxes) if is_bounded(box)]
     loose = [one for one, box in zip(others, boxes, strict=True) if not is_bounded(box)]
     if len(bounded) <= GROUP_SIZE:
         return [*first, *loose, *(others[i] for i in bounded)]

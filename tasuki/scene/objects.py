@@ -110,7 +110,7 @@ class Formulas:
         self.boxes = np.array([root.box for root in self.roots]).reshape(-1, 6)
         for box, number in zip(self.boxes, self.numbers, strict=True):
             if isinstance(objects[number].extent, tuple):
-                centre, radius = objects[number].extent
+                centre, radius = np.array(objects[number].extent[0]), objects[number].extent[1]
                 box[:3], box[3:] = np.maximum(box[:3], centre - radius), np.minimum(box[3:], centre + radius)
 
     def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> Objects:
