@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, WithJsonSchema
 from pydantic.json_schema import models_json_schema
+from pydantic_core import PydanticCustomError
 
 from tasuki.scene.schema_fields import (
     RGB,
@@ -23,8 +24,12 @@ from tasuki.scene.schema_fields import (
     RotateModel,
 )
 from tasuki.scene.schema_nodes import LISTS, NODE_MARK, AnyNode, BoundedModel, node_models
+from tasuki.scene.textures import TextureKind, textures
 
 Pixels = Annotated[int, Field(ge=1)]
+
+TEXTURE_MARK = {"x-texture": True}
+"""Stands in the schema for "any texture" until it is published; `tasuki.scene.textures` checks textures."""
 
 
 class CameraModel(Model):
@@ -64,6 +69,18 @@ LightModel = Annotated[
 ]
 
 
+def _parameter(value: Any) -> Any:
+    """What a parameter of a texture may be at all; `tasuki.scene.textures` knows what each must be."""
+    parts = value if isinstance(value, list) else [value]
+    if any(isinstance(part, dict | list) for part in parts):
+        expected = "a number, a word, true or false, or a list of numbers"
+        raise PydanticCustomError("expected", "no such parameter of a texture", {"expected": expected})
+    return value
+
+
+Parameters = dict[str, Annotated[Any, AfterValidator(_parameter)]]
+
+
 class MaterialModel(Model):
     """What a surface is made of."""
 
@@ -82,6 +99,9 @@ class MaterialModel(Model):
     )
     two_sided: Annotated[
         bool | None, Field(description="by default: true of patches and where transmission > 0, false elsewhere")
+    ] = None
+    texture: Annotated[
+        dict[str, Parameters] | None, Field(min_length=1, max_length=1), WithJsonSchema(TEXTURE_MARK)
     ] = None
 
 
@@ -102,7 +122,7 @@ class SceneModel(Model):
 
 
 def scene_schema() -> dict[str, Any]:
-    """The JSON Schema (draft 2020-12) of the scene format, with the kinds that users registered."""
+    """The JSON Schema (draft 2020-12) of the scene format, with the kinds and the textures that users registered."""
     bodies = node_models()
     modes: Any = [(model, "validation") for model in (SceneModel, *bodies.values())]
     references, definitions = models_json_schema(modes)
@@ -111,11 +131,15 @@ def scene_schema() -> dict[str, Any]:
         body = references[model, "validation"]
         if key in LISTS:
             body = {"oneOf": [body, {"type": "array", "items": NODE_MARK}]}
-        nodes.append({"type": "object", "properties": {key: body}, "required": [key], "additionalProperties": False})
-    defs = definitions["$defs"] | {"Node": {"description": "has one key, which says what it is", "oneOf": nodes}}
+        nodes.append(_one_key(key, body))
+    known = [_one_key(kind.name, _texture(kind)) for kind in textures()]
+    defs = definitions["$defs"] | {
+        "Node": {"description": "has one key, which says what it is", "oneOf": nodes},
+        "Texture": {"description": "has one key, the kind of texture", "oneOf": known or [False]},
+    }
     scene = defs.pop(SceneModel.__name__)
     whole = {"$schema": "https://json-schema.org/draft/2020-12/schema", **scene, "$defs": defs}
-    published: dict[str, Any] = _with_nodes(whole)
+    published: dict[str, Any] = _without_marks(whole)
     return published
 
 
@@ -140,13 +164,35 @@ _INNER: dict[str | int, type[Model]] = {
 """Mappings within the models of the scene and of nodes, by the step that leads to them."""
 
 
-def _with_nodes(schema: Any) -> Any:
-    """`schema` with a reference to the node wherever one is marked."""
+def _one_key(key: str, body: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a mapping that has this one key."""
+    return {"type": "object", "properties": {key: body}, "required": [key], "additionalProperties": False}
+
+
+_PARAMETERS: dict[str, dict[str, Any]] = {
+    "f32": {"type": "number"},
+    "i32": {"type": "integer"},
+    "bool": {"type": "boolean"},
+    "vec3": {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
+    "vec4": {"type": "array", "items": {"type": "number"}, "minItems": 4, "maxItems": 4},
+    "file": {"type": "string", "description": "a file, from the folder of the scene"},
+}
+
+
+def _texture(kind: TextureKind) -> dict[str, Any]:
+    """The schema of the parameters of a kind of texture."""
+    properties = {name: _PARAMETERS[type_] for name, type_ in kind.takes.items()}
+    required = [name for name in kind.takes if name not in kind.defaults]
+    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+
+
+def _without_marks(schema: Any) -> Any:
+    """`schema` with a reference wherever a node or a texture is marked."""
     if isinstance(schema, list):
-        return [_with_nodes(part) for part in schema]
+        return [_without_marks(part) for part in schema]
     if not isinstance(schema, dict):
         return schema
-    if NODE_MARK.items() <= schema.items():
-        rest = {key: part for key, part in schema.items() if key not in NODE_MARK}
-        return {"$ref": "#/$defs/Node", **rest}
-    return {key: _with_nodes(part) for key, part in schema.items()}
+    for mark, name in ((NODE_MARK, "Node"), (TEXTURE_MARK, "Texture")):
+        if mark.items() <= schema.items():
+            return {"$ref": f"#/$defs/{name}"} | {key: part for key, part in schema.items() if key not in mark}
+    return {key: _without_marks(part) for key, part in schema.items()}

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tasuki.diagnostics import SceneError
-from tasuki.language import Table, f32, i32, record, vec3
-from tasuki.scene import Camera, Material, PointLight, Scene, kinds, load_scene, solids, tree
+from tasuki.language import Table, f32, i32, module, record, vec3
+from tasuki.scene import Camera, Material, PointLight, Scene, Texture, kinds, load_scene, solids, textures, tree
 from tasuki.scene.importers.nff import read as read_nff
 from tasuki.scene.model import DirectionalLight
 from tasuki.scene.schema import SceneModel, scene_schema
@@ -356,6 +356,7 @@ def test_models_have_the_fields_of_the_nodes(key):
 @pytest.fixture
 def registry(monkeypatch):
     monkeypatch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
+    monkeypatch.setattr(textures, "_KINDS", dict(textures._KINDS))
 
 
 @record
@@ -396,6 +397,61 @@ def test_a_users_solid_may_not_hide_a_node():
     register_torus("box")
     with pytest.raises(SceneError, match="the primitive kind 'box' needs another name"):
         node_models()
+
+
+@record
+class Checker:
+    size: f32
+    other: vec3
+
+
+@module
+def checker_colour(checker: Checker, colour: vec3, point: vec3, normal: vec3) -> vec3:
+    return checker.other
+
+
+@pytest.fixture
+def checker(registry):
+    kinds_of = {"size": "f32", "other": "vec3", "picture": "file"}
+    defaults = {"other": (0.0, 0.0, 0.0)}
+    kind = textures.TextureKind("checker", Table(Checker), checker_colour, kinds_of, defaults, dict)
+    return textures.register(kind)
+
+
+@pytest.mark.usefixtures("checker")
+def test_a_users_texture_and_its_file_from_the_folder_of_the_scene(tmp_path):
+    path = tmp_path / "scene.yaml"
+    text = "materials: {tiles: {texture: {checker: {size: 2, other: [1, 0, 0], picture: tiles.png}}}}\n"
+    path.write_text(CAMERA + text)
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    assert f"{path}:2:77: error: materials.tiles.texture.checker.picture: the texture's file" in str(caught.value)
+    (tmp_path / "tiles.png").touch()
+    original = load_scene(path)
+    values = {"size": 2, "other": (1, 0, 0), "picture": str(tmp_path / "tiles.png")}
+    assert original.materials == (Material("tiles", texture=Texture("checker", values)),)
+    assert scene(dump_yaml(original)) == original
+    published = scene_schema()["$defs"]["Texture"]["oneOf"]
+    assert published[-1]["properties"]["checker"]["required"] == ["size", "picture"]
+
+
+@pytest.mark.usefixtures("checker")
+@pytest.mark.parametrize(
+    ("texture", "message"),
+    [
+        ("{chequer: {}}", "materials.m.texture.chequer: there is no texture 'chequer'"),
+        ("{checker: {sise: 1}}", "materials.m.texture.checker.sise: a texture 'checker' has no 'sise'"),
+        ("{checker: {size: [1]}}", "materials.m.texture.checker.size: no such value for a texture"),
+        ("{checker: {size: {a: 1}}}", "materials.m.texture.checker.size: no such parameter of a texture"),
+        ("{checker: {}, marble: {}}", "materials.m.texture: this mapping has the wrong length"),
+        ("{checker: 3}", "materials.m.texture.checker: this is of the wrong type"),
+        ("checker", "materials.m.texture: this is of the wrong type"),
+    ],
+)
+def test_what_is_wrong_with_a_texture(texture, message):
+    with pytest.raises(SceneError) as caught:
+        scene(f"{CAMERA}materials: {{m: {{texture: {texture}}}}}")
+    assert message in str(caught.value)
 
 
 def chain(levels):

@@ -40,7 +40,7 @@ EXPECTED = {
 }
 
 _OPEN = {"points": "or more points", "normals": "or more normals", "children": "or more nodes"}
-_OPEN |= {"parts": "or more parts", "matrix": "rows"}
+_OPEN |= {"parts": "or more parts", "matrix": "rows", "texture": "key, the kind of texture"}
 """What lists and mappings hold whose length varies; all others are vectors."""
 
 
@@ -60,11 +60,7 @@ class Places:
         node, way = self.root, list[str | int]()
         for number, step in enumerate(path):
             node, way = self._into_body(node, step, way)
-            if isinstance(node.value, dict):
-                if isinstance(step, int) and step < len(node.value):
-                    step = list(node.value)[step]
-                elif step not in node.value and str(step).endswith("_radius") and "radius" in node.value:
-                    step = "radius"
+            step = _as_in_file(node, step, way)
             following = _child(node, step)
             if following is None and step == "children" and isinstance(node.value, list):
                 continue
@@ -200,6 +196,21 @@ def shown(path: Path) -> str:
     """A path as messages show it: shapes[3].sphere.radius."""
     half = MOST_STEPS // 2
     return dotted(path) if len(path) <= MOST_STEPS else f"{dotted(path[:half])} ... {dotted(path[-half:])}"
+
+
+def _as_in_file(node: Node, step: str | int, way: Sequence[str | int]) -> str | int:
+    """A step from the mapping `node` as the file has it, where it is known by another word in Python."""
+    if not isinstance(node.value, dict) or step in node.value:
+        return step
+    if isinstance(step, int) and step < len(node.value):
+        name: str = list(node.value)[step]
+        return name
+    if way[-1:] == ["texture"] and len(node.value) == 1:
+        (kind,) = node.value
+        return str(kind)
+    # A batch holds cylinders as cones.
+    is_cylinder = str(step).endswith("_radius") and "radius" in node.value
+    return "radius" if is_cylinder else step
 
 
 def _child(node: Node, step: str | int) -> Node | None:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from pydantic import ValidationError
 
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.check import problems
-from tasuki.scene.material import Material, Vector
+from tasuki.scene.material import Material, Texture, Vector
 from tasuki.scene.model import Camera, DirectionalLight, PointLight, Scene
 from tasuki.scene.schema import CameraModel, DirectionalLightModel, MaterialModel, PointLightModel, SceneModel
 from tasuki.scene.shapes import Shapes
 from tasuki.scene.source import SourceText, scene_error
+from tasuki.scene.textures import placed
 from tasuki.scene.yaml_format.nodes import compose
 from tasuki.scene.yaml_format.places import Places
 from tasuki.scene.yaml_format.tree import Walk, build
@@ -60,7 +62,8 @@ def _collector_paused() -> Iterator[None]:
 
 
 def _scene(model: SceneModel, walk: Walk) -> Scene:
-    materials = {name: _material(name, material) for name, material in model.materials.items()}
+    folder = Path(walk.places.source.file).parent.absolute()
+    materials = {name: _material(name, material, folder) for name, material in model.materials.items()}
     return Scene(
         camera=_camera(model.camera),
         shapes=Shapes.of(build(walk, materials), list(materials.values())),
@@ -89,9 +92,13 @@ def _light(model: PointLightModel | DirectionalLightModel) -> PointLight | Direc
     return PointLight(_vector(model.position), colour)
 
 
-def _material(name: str, model: MaterialModel) -> Material:
+def _material(name: str, model: MaterialModel, folder: Path) -> Material:
+    """The material; the files of its texture are named from `folder`."""
     values = dict(model)
     values |= {"colour": _vector(model.colour), "transmittance": _vector(model.transmittance)}
+    if model.texture is not None:
+        ((kind, parameters),) = model.texture.items()
+        values["texture"] = placed(Texture(kind, parameters), folder)
     return Material(name, **values)
 
 
