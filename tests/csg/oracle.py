@@ -170,12 +170,14 @@ class _Rays:
         self.surfaces = np.array(surfaces)
         self.origin = np.column_stack([origin, np.ones(len(origin))])
         self.direction = np.column_stack([direction, np.zeros(len(origin))])
-        s, o, d = self.surfaces, self.origin, self.direction
-        self.a = np.einsum("ni,mij,nj->nm", d, s, d)
-        self.b = np.einsum("ni,mij,nj->nm", d, s, o)
-        self.c = np.einsum("ni,mij,nj->nm", o, s, o)
+        # S times origins and directions, (n, m, 4).
+        self.of_origin = np.tensordot(self.origin, self.surfaces, (1, 2))
+        self.of_direction = np.tensordot(self.direction, self.surfaces, (1, 2))
+        self.a = np.einsum("nmi,ni->nm", self.of_direction, self.direction)
+        self.b = np.einsum("nmi,ni->nm", self.of_direction, self.origin)
+        self.c = np.einsum("nmi,ni->nm", self.of_origin, self.origin)
         self.lie_in = (self.a == 0.0) & (self.b == 0.0) & (self.c == 0.0)
-        self.leaves_it = np.arange(len(s)) == np.broadcast_to(left, len(o))[:, None]
+        self.leaves_it = np.arange(len(surfaces)) == np.broadcast_to(left, len(origin))[:, None]
         roots = self._roots()
         self._sort(roots, *self._start(roots, beside))
 
@@ -204,9 +206,11 @@ class _Rays:
 
     def _errors(self, t: np.ndarray) -> np.ndarray:
         """By how much surfaces' values (n, ..., m) at t may be off: what a small way along the gradient makes."""
-        points = self.origin[:, None, None] + t[..., None] * self.direction[:, None, None]
-        gradient = 2.0 * np.linalg.norm(np.einsum("mij,nkmj->nkmi", self.surfaces[:, :3], points), axis=-1)
-        way = ERROR * (np.abs(points).max(axis=-1) + np.abs(self.origin).max(axis=-1)[:, None, None])
+        along = t[..., None]
+        gradient = 2.0 * np.linalg.norm(
+            (self.of_origin[:, None] + along * self.of_direction[:, None])[..., :3], axis=-1
+        )
+        way = ERROR * (2.0 * np.abs(self.origin).max(axis=-1)[:, None, None] + np.abs(t))
         bend = np.abs(self.surfaces[:, :3, :3]).max(axis=(1, 2))
         return way * (gradient + bend * way)
 

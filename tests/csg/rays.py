@@ -19,12 +19,12 @@ def towards(origin: np.ndarray, target: np.ndarray) -> Rays:
     return origin, (way / np.linalg.norm(way, axis=1, keepdims=True)).astype(np.float32)
 
 
-def from_all_sides(draw: np.random.Generator, count: int) -> Rays:
-    """Rays from a sphere around; every fourth begins where the solids are."""
+def from_all_sides(draw: np.random.Generator, count: int, reach: float = REACH) -> Rays:
+    """Rays from a sphere around, aimed at what is within `reach`; every fourth begins there."""
     origin = draw.normal(size=(count, 3))
-    origin *= FAR / np.linalg.norm(origin, axis=1, keepdims=True)
-    origin[::4] = draw.uniform(-REACH, REACH, (len(origin[::4]), 3))
-    return towards(origin, draw.uniform(-REACH, REACH, (count, 3)))
+    origin *= (FAR + reach) / np.linalg.norm(origin, axis=1, keepdims=True)
+    origin[::4] = draw.uniform(-reach, reach, (len(origin[::4]), 3))
+    return towards(origin, draw.uniform(-reach, reach, (count, 3)))
 
 
 def in_the_plane(draw: np.random.Generator, count: int) -> Rays:

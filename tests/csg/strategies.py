@@ -86,7 +86,7 @@ turns = st.sampled_from(
 @st.composite
 def _operations(draw, operands):
     operation = draw(st.sampled_from([Union, Intersection, Difference, Complement]))
-    count = 1 if operation is Complement else draw(st.integers(2, 4))
+    count = 1 if operation is Complement else draw(st.integers(2, 3))
     children = [draw(turns)(draw(operands)) for _ in range(count)]
     return Complement(children[0]) if operation is Complement else operation(tuple(children))
 
@@ -94,6 +94,7 @@ def _operations(draw, operands):
 def formulas(depth: int = DEEPEST) -> st.SearchStrategy[Node]:
     """Solids and set operations on them, nested at most `depth` deep."""
     operands = solids
-    for _ in range(depth):
-        operands = st.one_of(solids, _operations(operands))
+    for _ in range(depth - 1):
+        operation = _operations(operands)
+        operands = st.one_of(operation, operation, solids)
     return _operations(operands)

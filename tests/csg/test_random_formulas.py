@@ -15,6 +15,8 @@ from tests.csg.tracing import Traced, trees_of
 from tests.machines.running import WIDTHS, assert_same_bits
 
 RAYS = 48
+REACH = 4.0
+"""How far solids of the strategies reach, for the most part."""
 seeds = st.integers(0, 1 << 16)
 
 
@@ -22,9 +24,9 @@ def traced(node: Node, seed: int, two_sided: bool):
     """Formula, rays, and what the oracle says of them; None where the formula holds nothing, or everything."""
     [tree] = trees_of([node])
     oracle = Oracle(tree)
-    origin, direction = from_all_sides(np.random.default_rng(seed), RAYS)
-    hits = oracle.first_hits(3 * origin, direction, two_sided=two_sided)
-    return Traced([tree], [two_sided]), (3 * origin, direction), hits
+    origin, direction = from_all_sides(np.random.default_rng(seed), RAYS, REACH)
+    hits = oracle.first_hits(origin, direction, two_sided=two_sided)
+    return Traced([tree], [two_sided]), (origin, direction), hits
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
