@@ -40,7 +40,7 @@ app = typer.Typer(
 
 Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene: .yaml or .nff.", show_default=False)]
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene: .yaml, .nff, or a mesh.", show_default=False)]
 Microcode = Annotated[
     Path, typer.Argument(metavar="FILE", help="Microcode: a .macro or .meta file.", show_default=False)
 ]

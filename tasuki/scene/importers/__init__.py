@@ -1,7 +1,7 @@
 """Scene files: one importer for each format, chosen by the file's suffix.
 
 An importer is a function from `SourceText` to `Scene`, in a file of its own; it raises SceneError with everything that
-is wrong. It is named here, and imported when the first file of its format is read.
+is wrong. It is named here, and imported when the first file of its format is read. Meshes are read from their paths.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.check import with_advice, with_sides, without_degenerate
@@ -17,6 +18,10 @@ from tasuki.scene.source import SourceText, suggestion
 
 Importer = Callable[[SourceText], Scene]
 
+MeshImporter = Callable[[Path], Scene]
+"""Reads the file itself: it may be binary, and have others beside it."""
+
+_MESHES = dict.fromkeys((".obj", ".ply", ".stl", ".gltf", ".glb"), "tasuki.scene.importers.meshes:read")
 _IMPORTERS: dict[str, str | Importer] = {
     ".nff": "tasuki.scene.importers.nff:read",
     ".yaml": "tasuki.scene.yaml_format:read",
@@ -25,12 +30,13 @@ _IMPORTERS: dict[str, str | Importer] = {
 
 
 def register_importer(suffix: str, importer: str | Importer) -> None:
-    """Read files ending in `suffix` (".obj") with `importer`, a function or its name "package.module:function".
+    """Read files ending in `suffix` (".x3d") with `importer`, a function or its name "package.module:function".
 
     SceneError where the suffix has an importer already.
     """
-    if suffix.lower() in _IMPORTERS:
-        raise SceneError(f"error: files ending in {suffix!r} have an importer already: {_IMPORTERS[suffix.lower()]}")
+    taken = _IMPORTERS.get(suffix.lower()) or _MESHES.get(suffix.lower())
+    if taken:
+        raise SceneError(f"error: files ending in {suffix!r} have an importer already: {taken}")
     _IMPORTERS[suffix.lower()] = importer
 
 
@@ -40,9 +46,16 @@ def load_scene(path: str | Path, *, two_sided: bool | None = None) -> Scene:
     `two_sided` overrides what the file says, or its format assumes, about which sides of surfaces show. Degenerate
     polygons are left out; `Scene.warnings` tells what was. SceneError with everything that is wrong with the file.
     """
-    importer = _importer(Path(path))
-    scene = importer(SourceText.read(path))
+    scene = _read(Path(path))
     return with_sides(with_advice(without_degenerate(scene)), two_sided)
+
+
+def _read(path: Path) -> Scene:
+    mesh = _MESHES.get(path.suffix.lower())
+    if mesh:
+        read_mesh: MeshImporter = _named(mesh)
+        return read_mesh(path)
+    return _importer(path)(SourceText.read(path))
 
 
 def _importer(path: Path) -> Importer:
@@ -51,7 +64,7 @@ def _importer(path: Path) -> Importer:
     if found is None and path.is_dir():
         raise SceneError(str(Diagnostic(f"{str(path)!r} is a directory", None, "a scene file", "a directory")))
     if found is None:
-        known = sorted(_IMPORTERS)
+        known = sorted([*_IMPORTERS, *_MESHES])
         problem = Diagnostic(
             f"cannot tell the format of {str(path)!r} by its suffix",
             expected=f"a file ending in {', '.join(known)}",
@@ -59,7 +72,10 @@ def _importer(path: Path) -> Importer:
             hint=suggestion(suffix, known),
         )
         raise SceneError(str(problem))
-    if isinstance(found, str):
-        module, _, name = found.partition(":")
-        return getattr(importlib.import_module(module), name)
-    return found
+    return _named(found) if isinstance(found, str) else found
+
+
+def _named(name: str) -> Any:
+    """The function "package.module:function"."""
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(module), function)
