@@ -18,37 +18,6 @@ DEEPEST = 32
 """Generations of rays that `trace_tree` can follow."""
 
 
-@module(fills="traced_light")
-def trace_mirrors(view: View, eye_direction: vec3) -> Traced:
-    """Follow an eye ray and its mirror rays."""
-    origin = view.eye
-    direction = eye_direction
-    left = NOTHING
-    weight = vec3(1.0)
-    out = Traced(vec3(0.0), 0, 0, 0, 0)
-    for generation in range(view.depth):
-        t, hit = nearest_hit(origin, direction, left)
-        if hit == NOTHING:
-            out.luminance = accumulate_luminance(out.luminance, weight, view.background)
-            break
-        if generation == 0:
-            out.eye_hits = 1
-        surface = surface_at(origin, direction, t, hit, left)
-        attribute = material_of(surface)
-        start = surface.point + lift(surface, t)
-        luminance, shadow_rays = direct_light(attribute, surface, start, direction)
-        out.shadow += shadow_rays
-        out.luminance = accumulate_luminance(out.luminance, weight, luminance)
-        if attribute.reflection <= 0.0 or generation + 1 == view.depth:
-            break
-        weight = weight * attribute.reflection
-        direction = reflection_direction(direction, surface.normal)
-        origin = start
-        left = surface.code
-        out.reflection += 1
-    return out
-
-
 @module
 def attenuation(attribute: Attribute, distance: f32) -> vec3:
     """What is left of light after `distance` in a medium that lets `attribute.transmittance` through for each unit."""
@@ -95,7 +64,21 @@ def shares(attribute: Attribute, direction: vec3, normal: vec3, ratio: f32) -> t
 
 
 @module
-def fork_at(ray: Ray, t: f32, hit: i32) -> Fork:
+def fork_at_mirror(ray: Ray, t: f32, hit: i32) -> Fork:
+    """The light from the surface that a ray has hit, and the ray that its mirror sends on."""
+    surface = surface_at(ray.origin, ray.direction, t, hit, ray.left)
+    attribute = material_of(surface)
+    start = surface.point + lift(surface, t)
+    luminance, shadow_rays = direct_light(attribute, surface, start, ray.direction)
+    mirror = reflection_direction(ray.direction, surface.normal)
+    weight = attribute.reflection * ray.weight
+    resting = Ray(start, mirror, vec3(0.0), surface.code, True)
+    mirrored = Ray(start, mirror, weight, surface.code, not attribute.reflection > 0.0)
+    return Fork(ray.weight * luminance, 1, shadow_rays, mirrored, resting)
+
+
+@module
+def fork_at_glass(ray: Ray, t: f32, hit: i32) -> Fork:
     """The light from the surface that a ray has hit, and the rays that its mirror and its glass send on."""
     surface = surface_at(ray.origin, ray.direction, t, hit, ray.left)
     attribute = material_of(surface)
@@ -134,8 +117,30 @@ def fork_of(ray: Ray, background: vec3) -> Fork:
         if hit == NOTHING:
             fork.luminance = ray.weight * background
         else:
-            fork = fork_at(ray, t, hit)
+            fork = fork_at_glass(ray, t, hit)
     return fork
+
+
+@module(fills="traced_light")
+def trace_mirrors(view: View, eye_direction: vec3) -> Traced:
+    """Follow an eye ray and its mirror rays."""
+    ray = Ray(view.eye, eye_direction, vec3(1.0), NOTHING, False)
+    out = Traced(vec3(0.0), 0, 0, 0, 0)
+    for generation in range(view.depth):
+        t, hit = nearest_hit(ray.origin, ray.direction, ray.left)
+        if hit == NOTHING:
+            out.luminance = accumulate_luminance(out.luminance, ray.weight, view.background)
+            break
+        if generation == 0:
+            out.eye_hits = 1
+        fork = fork_at_mirror(ray, t, hit)
+        out.shadow += fork.shadow
+        out.luminance = out.luminance + fork.luminance
+        ray = fork.mirrored
+        if ray.rests or generation + 1 == view.depth:
+            break
+        out.reflection += 1
+    return out
 
 
 @module(fills="traced_light")

@@ -83,23 +83,27 @@ def sample_offset(sample: i32, step: f32) -> f32:
 
 
 @module
+def eye_direction(view: View, place: i32, sample: i32) -> vec3:
+    """The direction of an eye ray through the pixel of the region at row `place // 65536`, column `place % 65536`."""
+    # From row 32768 on `place` is negative: the shift brings copies of its sign.
+    x = f32(view.region_x + (place & 65535)) + sample_offset(sample, GOLDEN_X)
+    y = f32(view.region_y + (place >> 16 & 65535)) + sample_offset(sample, GOLDEN_Y)
+    return view_direction(view, x, y)
+
+
+@module
 def trace_pixel(place: i32):
     """Render the pixel of the region at row `place // 65536` and column `place % 65536` into the picture."""
     view = views[0]
-    column = place & 65535
-    # From row 32768 on `place` is negative: the shift brings copies of its sign.
-    row = place >> 16 & 65535
     total = Traced(vec3(0.0), 0, 0, 0, 0)
     for sample in range(view.samples):
-        x = f32(view.region_x + column) + sample_offset(sample, GOLDEN_X)
-        y = f32(view.region_y + row) + sample_offset(sample, GOLDEN_Y)
-        traced = traced_light(view, view_direction(view, x, y))
+        traced = traced_light(view, eye_direction(view, place, sample))
         total.luminance = total.luminance + traced.luminance
         total.eye_hits += traced.eye_hits
         total.reflection += traced.reflection
         total.refraction += traced.refraction
         total.shadow += traced.shadow
     share = reciprocal(f32(view.samples))
-    index = row * view.region_width + column
+    index = (place >> 16 & 65535) * view.region_width + (place & 65535)
     picture[index] = Pixel(share * total.luminance, share * f32(total.eye_hits))
     ray_counts[index] = RayCounts(total.eye_hits, total.reflection, total.refraction, total.shadow)
