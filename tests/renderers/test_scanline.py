@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from tasuki import render
 from tasuki.diagnostics import SceneError
 from tasuki.modules.scanline import records as scan
 from tasuki.modules.scanline.luminance import flat_luminance, gouraud_luminance
+from tasuki.programs import REPORT
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.raytrace import RayTracer
 from tasuki.renderers.scanline import ScanlineRenderer
@@ -289,3 +292,18 @@ def test_shapes_without_triangles_are_refused():
     scene = Scene(CAMERA, [Sphere((0.0, 0.0, 0.0), 1.0)], LIGHTS)
     with pytest.raises(SceneError, match="draws polygons"):
         render(scene, method="scanline")
+
+
+def test_the_turntable_turns_and_compiles_nothing_between_frames(tmp_path):
+    module = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "turntable.py"))
+    mesh = tmp_path / "mesh.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    module["turntable"](mesh, tmp_path / "first", frames=3, size=32)
+    programs = REPORT.programs
+    module["turntable"](mesh, tmp_path / "second", frames=3, size=32)
+    assert REPORT.programs == programs
+    first, second = (
+        [path.read_bytes() for path in sorted((tmp_path / name).iterdir())] for name in ("first", "second")
+    )
+    assert first == second
+    assert len(set(first)) == 3
