@@ -43,7 +43,7 @@ def _assembled(exponent: npt.NDArray[np.int64], fraction: npt.NDArray[np.int64])
     return value.astype(np.float32).view(np.uint32)
 
 
-def _reciprocal_seed(a: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+def reciprocal_seed(a: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     """(Y, z, special): the answers of the tables `rcp` and `point`."""
     words = np.ascontiguousarray(a).view(np.uint32)
     sign, magnitude = words & np.uint32(tables.SIGN), words & np.uint32(~tables.SIGN & 0xFFFFFFFF)
@@ -62,7 +62,7 @@ def _reciprocal_seed(a: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     return seed.astype(np.uint32).view(np.float32), point.astype(np.uint32).view(np.float32), special
 
 
-def _root_seed(a: Floats) -> Floats:
+def root_seed(a: Floats) -> Floats:
     """The answer of the table `sqrt`."""
     words = np.ascontiguousarray(a).view(np.uint32)
     special = (words & np.uint32(0x7FFFFFFF) == 0) | (words >= tables.INFINITY)
@@ -78,7 +78,7 @@ def _root_seed(a: Floats) -> Floats:
 
 def reciprocal(a: Floats) -> Floats:
     """`rcp`: Y - Y * (Y * (a - z))."""
-    seed, point, special = _reciprocal_seed(a)
+    seed, point, special = reciprocal_seed(a)
     return np.where(special, seed, seed - seed * (seed * (a - point)))
 
 
@@ -89,8 +89,8 @@ def divide(a: Floats, b: Floats) -> Floats:
 
 def square_root(a: Floats) -> Floats:
     """`sqrt`: (s0 + a / s0) / 2, the quotient by a Newton reciprocal of s0."""
-    seed = _root_seed(a)
-    inverse, _, inverse_special = _reciprocal_seed(seed)
+    seed = root_seed(a)
+    inverse, _, inverse_special = reciprocal_seed(seed)
     refined = inverse + inverse * (np.float32(1.0) - seed * inverse)
     quotient = a * np.where(inverse_special, inverse, refined)
     # What guards the sum is the flag of the table that was read last: that of the reciprocal of s0.

@@ -119,14 +119,10 @@ class Executable:
         machine = simulate.Fast(program, state) if simulator == "fast" else simulate.Plain(program, state)
         most = simulate.ENDLESS if limit is None else limit
         machine.advance(most)
-        steps = np.zeros(items, np.int64)
-        for item in range(items):
-            before = state.steps
-            state.halted, state.address = False, program.labels["item"]
-            machine.advance(most)
-            if not state.halted:
-                raise simulate.Trap("limit", f"item {item}: no halt within {limit} steps", program, state)
-            steps[item] = state.steps - before
+        steps = machine.repeat(program.labels["item"], items, most)
+        if not state.halted:
+            item = int(np.argmax(steps == most))
+            raise simulate.Trap("limit", f"item {item}: no halt within {limit} steps", program, state)
         self.executions = machine.executions
         return steps
 

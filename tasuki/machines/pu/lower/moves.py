@@ -29,11 +29,11 @@ def in_order(moves: Sequence[Move]) -> list[Move]:
             waiting.remove(free)
             ordered.append(free)
             continue
-        held = waiting[0].source
+        held = next(m.source for m in waiting if any(_meet(o.target, m.source) for o in waiting if o is not m))
         assert isinstance(held, Fixed | Spilled), "a number waits for nobody"
         saved = _spare(held.banks, waiting)
         ordered.append(Move(saved, held))
-        waiting[0] = replace(waiting[0], source=saved)
+        waiting = [replace(move, source=saved) if move.source == held else move for move in waiting]
     return ordered
 
 

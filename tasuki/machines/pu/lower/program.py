@@ -1,7 +1,7 @@
 """A program of the IR as macro assembler text: subroutines, tables, and the loop over items around the entry.
 
-**Inlined or called.** A function that is called from one place only, or whose body is shorter than `SHORT` nodes, is
-lowered where it is called; all others become subroutines, one for each set of tables that they are given. There is no
+**Inlined or called.** A function is lowered where it is called, unless its copies (all but one) would have more than
+`INLINED` nodes of the IR: then it becomes a subroutine, one for each set of tables that it is given. There is no
 recursion, so that every subroutine has registers and rows of memory of its own, and only registers that a caller needs
 after the call keep out of the way (`allocate`).
 
@@ -32,8 +32,8 @@ from tasuki.machines.pu.lower.values import Arithmetic, Value
 from tasuki.machines.pu.macro.operands import register
 from tasuki.machines.pu.meta.symbols import PREDEFINED
 
-SHORT = 40
-"""Nodes of a body that is lowered wherever it is called."""
+INLINED = 400
+"""Nodes of the IR that copies of one function's body may have in all."""
 ARGUMENTS, RESULTS = "arguments", "results"
 """The tables of items: a record for each, of the entry's parameters and of its result."""
 
@@ -80,7 +80,9 @@ class ProgramLowering:
         functions = reachable(self.program)
         self._calls = Counter(name for function in functions for name in callees(function.body))
         self._assigned = {function.name: _assigned(function.body) for function in functions}
-        self._short = {function.name: _size(function.body) < SHORT for function in functions}
+        self._copies = {
+            function.name: _size(function.body) * (self._calls[function.name] - 1) for function in functions
+        }
 
     def lower(self) -> Lowered:
         """The whole program. Raises SourceError with what the machine cannot do."""
@@ -133,7 +135,7 @@ class ProgramLowering:
     def call(self, caller: BodyLowering, node: ir.Call, arguments: Sequence[Bound]) -> Value:
         """The value of a call, inlined or not."""
         function = self.program.functions[node.function]
-        if self._calls[function.name] == 1 or self._short[function.name]:
+        if self._copies[function.name] <= INLINED:
             return self._inlined(caller, function, arguments)
         return self._called(caller, function, arguments, node)
 

@@ -16,9 +16,7 @@ from tasuki.machines.pu.lower.code import Label, Origin, Word
 from tasuki.machines.pu.lower.macros import NUMBERS, definition
 from tasuki.machines.pu.lower.places import Final, FinalItem, Fixed
 from tasuki.machines.pu.lower.program import Lowered
-from tasuki.machines.pu.macro.assembler import LIBRARY
-from tasuki.machines.pu.macro.reader import Reader
-from tasuki.machines.pu.meta.source import Errors
+from tasuki.machines.pu.macro.assembler import library
 
 INDENT = "        "
 Key = tuple[str, tuple[str, ...]]
@@ -92,9 +90,7 @@ def _definitions(pieces: Sequence[Sequence[FinalItem]]) -> Iterator[str]:
 @cache
 def _library() -> frozenset[Key]:
     """The macros that every program sees, with the kinds of their operands."""
-    reader = Reader(Errors())
-    reader.read_library(sorted(LIBRARY.glob("*.macro")))
-    macros = (one for same in reader.library.values() for one in same)
+    macros = (one for same in library().library.values() for one in same)
     return frozenset((one.name.text, tuple(kind for _, kind in one.parameters)) for one in macros)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 from tasuki.diagnostics import Diagnostic, Note, SourceError, Span
@@ -46,12 +47,22 @@ def assemble(text: str, name: str = "<text>") -> MacroAssembly:
     return _assemble(Source(name, text), None)
 
 
+@cache
+def library() -> Reader:
+    """The library, read once. Raises SourceError where it is wrong."""
+    errors = Errors()
+    reader = Reader(errors)
+    reader.read_library(sorted(LIBRARY.glob("*.macro")))
+    errors.check()
+    return reader
+
+
 def _assemble(source: Source, path: Path | None) -> MacroAssembly:
     errors = Errors()
     reader = Reader(errors)
     expansion = Expansion(reader)
     try:
-        reader.read_library(sorted(LIBRARY.glob("*.macro")))
+        reader.use_library(library())
         reader.read(source, path)
         expansion.run()
     except TooManyErrors:

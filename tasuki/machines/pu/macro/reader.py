@@ -134,6 +134,11 @@ class Reader:
         self._in_library = False
         self.text.clear()
 
+    def use_library(self, other: Reader) -> None:
+        """Takes over the library, and its constants, as another has read it."""
+        self.library = other.library
+        self.names.update(other.names)
+
     def read(self, source: Source, path: Path | None) -> None:
         """Reads one text and what it includes."""
         self._active.append(path.resolve() if path else Path(source.name))

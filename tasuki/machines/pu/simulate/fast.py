@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from tasuki.diagnostics import MachineError
 from tasuki.machines.pu import isa
 from tasuki.machines.pu.simulate.blocks import blocks
-from tasuki.machines.pu.simulate.layout import pack, unpack
+from tasuki.machines.pu.simulate.layout import SLOTS, Words, pack, unpack
 from tasuki.machines.pu.simulate.plain import Plain
 from tasuki.machines.pu.simulate.state import State
 from tasuki.machines.pu.simulate.translate import BUDGET, CONTROL_WORDS, PART_START, PART_STEPS, translate
@@ -25,6 +26,8 @@ from tasuki.native.compile import Library, compile_object, host
 
 SLICE = 50_000_000
 """Steps in one call of native code, which Ctrl-C cannot interrupt: less than a second."""
+
+_HALTED, _ADDRESS = SLOTS["halted"].place, SLOTS["address"].place
 
 
 class Native:
@@ -64,17 +67,42 @@ class Fast:
             if not state.halted and state.steps < last:
                 self._plain.step()
 
+    def repeat(self, address: int, times: int, limit: int) -> npt.NDArray[np.int64]:
+        """Go on at `address` until the halt, so many times; the steps of each.
+
+        After one that has not halted within `limit` steps nothing more is run, and the state is not halted. Raises Trap
+        where a step cannot be made.
+        """
+        steps = np.zeros(times, np.int64)
+        words = pack(self.state)
+        for turn in range(times):
+            before = self.state.steps
+            words[_HALTED], words[_ADDRESS] = 0, address
+            self._call(words, min(SLICE, limit))
+            if not words[_HALTED]:
+                unpack(words, self.state)
+                self.advance(limit - (self.state.steps - before))
+                words = pack(self.state)
+            steps[turn] = self.state.steps - before
+            if not words[_HALTED]:
+                break
+        unpack(words, self.state)
+        return steps
+
     def _advance_natively(self, budget: int) -> None:
-        state = self.state
-        words = pack(state)
+        words = pack(self.state)
+        self._call(words, budget)
+        unpack(words, self.state)
+
+    def _call(self, words: Words, budget: int) -> None:
+        """Up to `budget` steps of native code on the packed state."""
         control = np.zeros(CONTROL_WORDS, np.int64)
         control[BUDGET] = budget
-        arrays = (words, state.memory, state.display, control, self._counts)
+        arrays = (words, self.state.memory, self.state.display, control, self._counts)
         self._native._run(*(array.ctypes.data for array in arrays))
-        unpack(words, state)
         start, steps = int(control[PART_START]), int(control[PART_STEPS])
         self._parts[start : start + steps] += 1
-        state.steps += budget - int(control[BUDGET])
+        self.state.steps += budget - int(control[BUDGET])
 
     @property
     def executions(self) -> Sequence[int]:

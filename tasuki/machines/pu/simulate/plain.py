@@ -17,6 +17,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from tasuki.machines.pu import isa
 from tasuki.machines.pu.simulate.arithmetic import FLOAT, INTEGER, WORD, float_flags, integer_flags
 from tasuki.machines.pu.simulate.instruction import BANKS, CONDITION_FLAGS, FPP, SELECT_FLAGS, Instruction, instruction
@@ -50,6 +53,22 @@ class Plain:
         self.program = program
         self.state = start(program) if state is None else state
         self.executions = [0] * len(program.words)
+
+    def repeat(self, address: int, times: int, limit: int) -> npt.NDArray[np.int64]:
+        """Go on at `address` until the halt, so many times; the steps of each.
+
+        After one that has not halted within `limit` steps nothing more is run, and the state is not halted. Raises Trap
+        where a step cannot be made.
+        """
+        steps = np.zeros(times, np.int64)
+        for turn in range(times):
+            before = self.state.steps
+            self.state.halted, self.state.address = False, address
+            self.advance(limit)
+            steps[turn] = self.state.steps - before
+            if not self.state.halted:
+                break
+        return steps
 
     def advance(self, steps: int) -> None:
         """Make `steps` steps, or fewer where the machine halts. Raises Trap where it cannot go on."""
