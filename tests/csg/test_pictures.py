@@ -11,8 +11,8 @@ from tests.csg.operands import CUT, OPERATIONS, RELATIONS, by_detours, directly
 from tests.csg.pictures import coloured, expected, rendered, scene_of
 
 PAIRS = list(combinations_with_replacement(CUT, 2))
-FEW = 0.01
-"""The share of pixels that may be undecided: those that show edges."""
+FEW = 0.03
+"""The share of pixels that may be undecided: those that show edges, and where a cylinder touches a box from within."""
 
 
 def require(scene) -> None:
