@@ -6,16 +6,16 @@ depend on no machine.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Sequence
 from math import ceil, sqrt
 from typing import Any
 
 import numpy as np
 
 from tasuki.language.declare import Module
-from tasuki.machines.cpu.machine import Items
+from tasuki.machines.cpu.machine import EdgeProfile, Items
 from tasuki.modules.raytrace import trace_pixel
-from tasuki.programs import Options, executable
+from tasuki.programs import Filler, Options, executable
 from tasuki.renderers.options import Region
 from tasuki.renderers.raytrace import RayTracer
 
@@ -36,22 +36,27 @@ def search_counts(tracer: RayTracer) -> dict[str, Any]:
     options = Options(("items",), width=1, checked=tracer.prepared.checked, profile=True)
     program = executable(trace_pixel, options, fillers)
     program.run([Items([places])], len(places), tables=tracer.prepared.tables())
-    lanes: Counter[str] = Counter()
-    for edge in program.profile:
-        lanes[edge.callee] += edge.lanes
-
-    def calls_of(*modules: Any) -> int:
-        return sum(lanes[module.qualified_name] for module in modules if isinstance(module, Module))
-
-    rays = calls_of(fillers["nearest_hit"], fillers["is_blocked"])
-    steps = [module for module in tracer.accelerator.step_modules() if module.qualified_name in lanes]
+    searches = _names([fillers["nearest_hit"], fillers["is_blocked"]])
+    # One of the two searches may be made with the other.
+    rays = sum(edge.lanes for edge in program.profile if edge.callee in searches and edge.caller not in searches)
+    tests = _calls(program.profile, _names([fillers["hit_of"]]))
+    steps = _names(tracer.accelerator.step_modules())
+    taken = any(edge.callee in steps for edge in program.profile)
     return {
         "accelerator": tracer.accelerator.name,
         "rays": rays,
-        "tests_per_ray": calls_of(fillers["hit_of"]) / rays,
-        "steps_per_ray": calls_of(*steps) / rays if steps else None,
+        "tests_per_ray": tests / rays,
+        "steps_per_ray": _calls(program.profile, steps) / rays if taken else None,
         "sampled_pixels": len(places),
     }
+
+
+def _names(modules: Sequence[Filler]) -> set[str]:
+    return {module.qualified_name for module in modules if isinstance(module, Module)}
+
+
+def _calls(profile: Sequence[EdgeProfile], callees: set[str]) -> int:
+    return sum(edge.lanes for edge in profile if edge.callee in callees)
 
 
 def sampled_places(region: Region) -> np.ndarray:

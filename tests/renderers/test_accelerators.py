@@ -9,6 +9,8 @@ import pytest
 
 from tasuki import render
 from tasuki.diagnostics import SceneError
+from tasuki.language import f32, i32, module, vec3
+from tasuki.modules.extents import nearest_in_extents
 from tasuki.renderers.accelerators import lookup
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.raytrace import RayTracer
@@ -131,6 +133,19 @@ def test_counts_are_those_of_single_rays():
     assert 0.0 < met < 4.0
     assert round(met * counts["rays"]) % 4 == 0
     assert 0.0 < counts["tests_per_ray"] < met
+
+
+@module(fills="is_blocked")
+def blocked_by_the_nearest(origin: vec3, direction: vec3, left: i32, distance: f32) -> bool:
+    return nearest_in_extents(origin, direction, left)[0] < distance
+
+
+def test_a_search_that_calls_the_other_is_one_ray():
+    scene, options = SCENES["nff"](), RenderOptions(20, 10, accelerator="extents")
+    tracers = [RayTracer(scene, options, modules) for modules in ({}, {"is_blocked": blocked_by_the_nearest})]
+    own, nested = (search_counts(tracer) for tracer in tracers)
+    assert nested["rays"] == own["rays"]
+    assert nested["tests_per_ray"] > own["tests_per_ray"]
 
 
 @pytest.mark.parametrize("accelerator", ["bvh", "extents"])
