@@ -132,7 +132,7 @@ def scene_schema() -> dict[str, Any]:
         if key in LISTS:
             body = {"oneOf": [body, {"type": "array", "items": NODE_MARK}]}
         nodes.append(_one_key(key, body))
-    known = [_one_key(kind.name, _texture(kind)) for kind in textures()]
+    known: list[Any] = [_one_key(kind.name, _texture(kind)) for kind in textures()]
     defs = definitions["$defs"] | {
         "Node": {"description": "has one key, which says what it is", "oneOf": nodes},
         "Texture": {"description": "has one key, the kind of texture", "oneOf": known or [False]},

@@ -40,7 +40,7 @@ class NodeModel(Model):
     """What every node may have."""
 
     material: MaterialName = None
-    transform: Transformation = Field([])
+    transform: Transformation = Field(default_factory=list)
     name: Annotated[str | None, Field(description="shown in messages and by `tasuki info`")] = None
 
 

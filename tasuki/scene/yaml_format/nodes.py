@@ -35,19 +35,22 @@ _WORDS |= dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan"))
 class Node:
     """A value and its place: a scalar, a list of nodes, or a dict from a key's text to its (key, value) nodes.
 
-    `plain` is the same as plain Python data.
+    `plain` is the same as plain Python data. Lines and columns count from 0; a parser's marks would take half of the
+    memory that a large scene does.
     """
 
     value: Any
     text: str
-    start: Any
-    end: Any
+    line: int
+    column: int
+    end_line: int
+    end_column: int
     plain: Any
     size: int = 1
     closed: bool = False
 
     def span(self, file: str) -> Span:
-        return _span(file, self.start, self.end)
+        return Span(file, self.line + 1, self.column, self.end_line + 1, self.end_column)
 
     def describe(self) -> str:
         """The value as a message shows it."""
@@ -96,11 +99,7 @@ class _Composer:
             elif isinstance(event, yaml.NodeEvent):
                 self._begin(event)
             elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
-                node = self.open.pop()
-                self.keys.pop()
-                node.closed = True
-                node.end = event.end_mark
-                self._attach(node)
+                self._close(event)
         return self.root
 
     def _events(self) -> Iterator[Any]:
@@ -126,7 +125,7 @@ class _Composer:
             node = _scalar(event)
         else:
             kind: type = list if isinstance(event, yaml.SequenceStartEvent) else dict
-            node = Node(kind(), "", event.start_mark, event.end_mark, kind())
+            node = _node(event, kind(), "", kind())
         if event.anchor:
             self.anchors[event.anchor] = node
         if node.closed:
@@ -136,6 +135,13 @@ class _Composer:
         else:
             self.open.append(node)
             self.keys.append(None)
+
+    def _close(self, event: Any) -> None:
+        node = self.open.pop()
+        self.keys.pop()
+        node.closed = True
+        node.end_line, node.end_column = event.end_mark.line, event.end_mark.column
+        self._attach(node)
 
     def _anchored(self, event: Any) -> Node:
         node = self.anchors.get(event.anchor)
@@ -175,8 +181,7 @@ class _Composer:
             self._fail(f"the key {key.text!r} appears twice", key, "each key once", quote(key.text), first)
 
     def _fail(self, message: str, at: Any, expected: str, found: str, *notes: Note) -> None:
-        start, end = (at.start, at.end) if isinstance(at, Node) else (at.start_mark, at.end_mark)
-        span = _span(self.source.file, start, end)
+        span = (at if isinstance(at, Node) else _node(at, None, "", None)).span(self.source.file)
         raise scene_error([Diagnostic(message, span, expected, found, None, notes, self.source.shown)])
 
     def _syntax_error(self, error: yaml.MarkedYAMLError) -> Exception:
@@ -193,14 +198,17 @@ class _Composer:
 def _scalar(event: yaml.ScalarEvent) -> Node:
     text = event.value
     value = resolve_scalar(text) if event.implicit[0] else text
-    return Node(value, text, event.start_mark, event.end_mark, value, 1, True)
+    node = _node(event, value, text, value)
+    node.closed = True
+    return node
+
+
+def _node(event: Any, value: Any, text: str, plain: Any) -> Node:
+    start, end = event.start_mark, event.end_mark
+    return Node(value, text, start.line, start.column, end.line, end.column, plain)
 
 
 def ord_of(error: yaml.reader.ReaderError) -> int:
     """The character that a reader refused; libyaml gives its number, the reader in Python the character."""
     character = error.character
     return ord(character) if isinstance(character, str) else int(character)
-
-
-def _span(file: str, start: Any, end: Any) -> Span:
-    return Span(file, start.line + 1, start.column, end.line + 1, end.column)

@@ -157,7 +157,7 @@ class Places:
             return node.span(self.source.file)
         before = "".join(node.text[: error.column].split())
         lines = self.source.shown.splitlines()
-        line, column = node.start.line, node.start.column
+        line, column = node.line, node.column
         opening = lines[line][column]
         number = len(before) + (before.count("\\") if opening == '"' else 0)
         if opening in "|>":
@@ -166,7 +166,7 @@ class Places:
             column += 1
         letters = (
             (row, place)
-            for row in range(line, node.end.line + 1)
+            for row in range(line, node.end_line + 1)
             for place, sign in enumerate(lines[row] if row < len(lines) else "")
             if not sign.isspace() and (row > line or place >= column)
         )

@@ -124,7 +124,7 @@ class Walk:
                 self.wrong.append(self.places.unknown_node(path, node))
                 continue
             ((key, (_, body)),) = node.value.items()
-            item = self._item((*path, key), key, body, Span(self.places.source.file, node.start.line + 1))
+            item = self._item((*path, key), key, body, Span(self.places.source.file, node.line + 1))
             if item is not None:
                 if parent is not None:
                     parent.inner.append(len(self.items))
