@@ -164,13 +164,21 @@ def print_info(content: dict[str, Any]) -> None:
     width, height = camera["resolution"]
     print(f"shapes      {total:,}{': ' if total else ''}{_counts(shapes)}")
     print(f"primitives  {_counts(content['primitives']) or 'none'}")
+    formulas = content["formulas"]
+    if formulas["literals"]:
+        print(f"formulas    {formulas['literals']:,} literals on {formulas['surfaces']:,} surfaces", end="")
+        print(f", {formulas['merged']:,} of them merged" if formulas["merged"] else "")
     print(f"bounds      {_numbers(bounds['low'])} to {_numbers(bounds['high'])}" if bounds else "bounds      none")
     print(f"camera      at {_numbers(camera['eye'])}, looks at {_numbers(camera['at'])}, up {_numbers(camera['up'])}")
     print(f"            {camera['angle']:g} degrees between {camera['angle_between']}, {width}x{height} pixels")
     print(f"background  {_numbers(content['background'])}")
     print(f"lights      {len(content['lights'])}")
     _print_some(
-        [f"at {_numbers(light['position'])}, colour {_numbers(light['colour'])}" for light in content["lights"]]
+        [
+            f"{'at ' if 'position' in light else 'along '}{_numbers(light.get('position') or light['direction'])}, "
+            f"colour {_numbers(light['colour'])}"
+            for light in content["lights"]
+        ]
     )
     print(f"materials   {len(content['materials'])}")
     _print_some([_material(material) for material in content["materials"]])
@@ -188,11 +196,18 @@ def _print_some(lines: Sequence[str]) -> None:
 def _material(material: dict[str, Any]) -> str:
     """A material's name, the number of its shapes, and its properties; those left to their defaults are not shown."""
     others = [
-        f"{name} {_numbers(value) if isinstance(value, list | tuple) else f'{value:g}'}"
+        f"{name} {_shown(value)}"
         for name, value in material.items()
         if name not in ("name", "shapes") and value is not None
     ]
     return f"{material['name'] or 'unnamed'}, {material['shapes']:,} shapes: {', '.join(others)}"
+
+
+def _shown(value: Any) -> str:
+    """A property of a material: a number, a colour, or a texture, by its kind."""
+    if isinstance(value, dict):
+        return str(value["kind"])
+    return _numbers(value) if isinstance(value, list | tuple) else f"{value:g}"
 
 
 def _counts(counts: dict[str, int]) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tasuki.renderers.info import info
-from tasuki.scene import Camera, Scene, Sphere, load_scene
+from tasuki.scene import Box, Camera, Scene, Sphere, load_scene
 
 DATA = Path(__file__).parent / "data"
 
@@ -27,3 +27,15 @@ def test_a_scene_of_nothing_has_no_bounds():
     assert ball is not None
     assert ball["low"] == pytest.approx([0.5, 1.5, 2.5], abs=1e-5)
     assert ball["high"] == pytest.approx([1.5, 2.5, 3.5], abs=1e-5)
+
+
+def test_info_tells_of_formulas_and_what_was_merged():
+    camera = Camera(eye=(0.0, -9.0, 5.0), at=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), angle=45.0)
+    low = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    high = low.translate(0.0, 0.0, 1.0)
+    found = info(Scene(camera, [low | high, low & low.translate(5.0, 0.0, 0.0)]))
+    assert found["shapes"] == {"total": 2, "object": 2}
+    assert found["primitives"] == {"object": 1}
+    # Of the four boxes' faces across x, y, z there are 4, 2 and 3 different ones.
+    assert found["formulas"] == {"literals": 24, "surfaces": 9, "merged": 15}
+    assert found["warnings"][0].startswith("shapes[1]: warning: this object is empty")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tasuki.renderers.prepared import PreparedScene
+from tasuki.scene.flatten import Flat
 from tasuki.scene.model import Scene, default_intensity
 from tasuki.scene.shapes import CONE, POLYGON, SPHERE
 
@@ -15,28 +16,34 @@ from tasuki.scene.shapes import CONE, POLYGON, SPHERE
 def info(scene: Scene) -> dict[str, Any]:
     """Counts, bounds, lights, materials and warnings of `scene`, as plain data that JSON can hold.
 
-    "shapes" counts what the scene file holds (a polygon is one), "primitives" what machines intersect (its triangles),
-    by kind. "bounds" are the corners of the box around all shapes that have bounds, None where there are none. Each
-    material has the number of its "shapes", each light the colour that it shines with. SceneError where the scene
-    cannot be packed.
+    "shapes" counts what stands in the scene without its tree (a polygon is one, and so is an object: a formula of set
+    operations), "primitives" what machines intersect (its triangles), by kind. "formulas" says of how many literals the
+    objects are made, on how many different surfaces, and how many surfaces were merged since they coincide. "bounds"
+    are the corners of the box around all that has bounds, None where there is nothing. Each material has the number of
+    its "shapes", each light the colour that it shines with. SceneError where the scene cannot be packed.
     """
     prepared = PreparedScene(scene)
-    scene = prepared.packed.scene
+    packed = prepared.packed
     bounds = prepared.bounds()
     return {
         "camera": asdict(scene.camera),
         "background": list(scene.background),
-        "shapes": _shape_counts(scene),
-        "primitives": dict(prepared.packed.counts),
+        "shapes": _shape_counts(packed.flat),
+        "primitives": {**packed.counts, **({"object": packed.objects.count} if packed.objects.count else {})},
+        "formulas": {
+            "literals": packed.objects.literals,
+            "surfaces": packed.objects.literals - packed.objects.merged,
+            "merged": packed.objects.merged,
+        },
         "bounds": {"low": bounds[0].tolist(), "high": bounds[1].tolist()} if bounds else None,
         "lights": _lights(scene),
-        "materials": _materials(scene),
-        "warnings": list(scene.warnings),
+        "materials": _materials(packed.flat),
+        "warnings": list(packed.scene.warnings),
     }
 
 
-def _shape_counts(scene: Scene) -> dict[str, int]:
-    shapes = scene.shapes
+def _shape_counts(flat: Flat) -> dict[str, int]:
+    shapes = flat.shapes
     cylinders = int((shapes.cones.base_radius == shapes.cones.apex_radius).sum())
     patches = int(shapes.polygons.smooth.sum())
     counts = {
@@ -45,19 +52,20 @@ def _shape_counts(scene: Scene) -> dict[str, int]:
         "cone": len(shapes.cones) - cylinders,
         "polygon": len(shapes.polygons) - patches,
         "patch": patches,
+        "object": len(flat.objects),
     }
-    return {"total": len(shapes), **{name: count for name, count in counts.items() if count}}
+    return {"total": len(flat), **{name: count for name, count in counts.items() if count}}
 
 
 def _lights(scene: Scene) -> list[dict[str, Any]]:
     grey = (default_intensity(len(scene.lights)),) * 3
-    return [{"position": list(light.position), "colour": list(light.colour or grey)} for light in scene.lights]
+    return [{**asdict(light), "colour": list(light.colour or grey)} for light in scene.lights]
 
 
-def _materials(scene: Scene) -> list[dict[str, Any]]:
-    used = np.zeros(len(scene.materials), np.int64)
+def _materials(flat: Flat) -> list[dict[str, Any]]:
+    used = np.zeros(len(flat.materials), np.int64)
     for sort in (SPHERE, CONE, POLYGON):
-        used += np.bincount(scene.shapes.batch(sort).material, minlength=len(used))
-    return [
-        {**asdict(material), "shapes": count} for material, count in zip(scene.materials, used.tolist(), strict=True)
-    ]
+        used += np.bincount(flat.shapes.batch(sort).material, minlength=len(used))
+    used += np.bincount([one.material for one in flat.objects], minlength=len(used)).astype(np.int64)
+    together = zip(flat.materials, used.tolist(), strict=True)
+    return [{**asdict(material), "shapes": count} for material, count in together]

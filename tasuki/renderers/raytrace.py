@@ -52,6 +52,7 @@ class RayTracer:
             unchecked=options.unchecked,
             profile=options.profile,
         )
+        self.scene = self.prepared.packed.scene
         self.memory = self.prepared.memory
         self._check_depth()
         self._fill_view()
@@ -156,7 +157,8 @@ class RayTracer:
 
     def counts(self) -> dict[str, Any]:
         """What the report says of the scene in memory."""
-        return {"primitives": dict(self.prepared.packed.counts), "bvh_nodes": self.nodes}
+        packed = self.prepared.packed
+        return {"primitives": dict(packed.counts), "objects": packed.objects.count, "bvh_nodes": self.nodes}
 
     def profile(self) -> list[EdgeProfile]:
         """What the last picture cost in each module, if programs are profiled."""

@@ -75,7 +75,7 @@ class Matrices:
 class Objects:
     """The tables of a scene's objects, by name: "objects", "tokens", "bounds", and the records of every kind of solid
     in `operands`. `numbers[i]` is the number of the object in row i, and `boxes` (n, 6) and `costs` (n,) are those of
-    the rows. `merged` says how many surfaces were merged.
+    the rows. Of the surfaces of all `literals`, `merged` are one with another.
     """
 
     tables: Mapping[str, np.ndarray]
@@ -83,7 +83,13 @@ class Objects:
     numbers: np.ndarray
     boxes: np.ndarray
     costs: np.ndarray
+    literals: int
     merged: int
+
+    @property
+    def count(self) -> int:
+        """How many objects there are in memory."""
+        return len(self.numbers)
 
 
 class Formulas:
@@ -129,7 +135,7 @@ class Formulas:
             **surfaces_,
         }
         costs = COST * np.minimum([len(literals(root)) for root in self.roots], DEAREST).astype(np.float32)
-        return Objects(tables, tuple(self.placing.kinds), self.numbers, boxes, costs, merged)
+        return Objects(tables, tuple(self.placing.kinds), self.numbers, boxes, costs, len(self.placing.row), merged)
 
     def _records(self, spans: Sequence[tuple[int, int]], boxes: np.ndarray) -> np.ndarray:
         records = np.zeros(len(spans), record_dtype("Object"))
@@ -171,9 +177,7 @@ class _Placing:
         """As `formula.LeafBoxes` says."""
         return self._boxes[self.row[id(leaf)]]
 
-    def lower(
-        self, origin: np.ndarray, size: float, standing: Mapping[str, int]
-    ) -> tuple[dict[str, np.ndarray], int]:
+    def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> tuple[dict[str, np.ndarray], int]:
         """The tables of all kinds of surfaces, by name, and how many surfaces were merged with others."""
         tables, merged = {}, 0
         for kind in self.kinds:
@@ -251,4 +255,3 @@ def _bounds_records(boxes: Sequence[Box], origin: np.ndarray, slack: float) -> n
     values = np.array(boxes, np.float64).reshape(-1, 6) - np.tile(origin, 2)
     records["low"], records["high"] = values[:, :3] - slack, values[:, 3:] + slack
     return records
-

@@ -6,7 +6,7 @@ the BVH, the picture) goes into `Packed.builder`; `Packed.build` then allocates 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ from tasuki.scene.meetings import media, with_shared_spheres
 from tasuki.scene.memory import Memory, MemoryBuilder
 from tasuki.scene.model import DirectionalLight, Light, Scene, default_intensity
 from tasuki.scene.objects import Formulas, Matrices, Objects
+from tasuki.scene.problem import dotted
 from tasuki.scene.source import scene_error
 from tasuki.scene.textures import TextureKind, lower_textures
 from tasuki.scene.transforms import unit
@@ -66,7 +67,7 @@ class Packed:
     @property
     def things(self) -> int:
         """What a ray may hit: primitives and objects."""
-        return sum(self.counts.values()) + len(self.objects.numbers)
+        return sum(self.counts.values()) + self.objects.count
 
     def build(self) -> Memory:
         """The memory with all tables that `builder` has by now."""
@@ -103,11 +104,20 @@ def pack(scene: Scene) -> Packed:
     attributes = _attributes(flat.materials, textures.codes, len(scene.lights))
     builder.add("attributes", _verified("material", attributes))
     builder.add("lights", _verified("light", _lights(scene.lights, origin)))
+    scene = Scene(scene.camera, scene.shapes, scene.lights, scene.background, [*scene.warnings, *_vain(flat, formulas)])
     packed = Packed(scene, flat, origin, primitives, formulas, objects, textures.kinds, builder)
     unbounded = list(extents.unbounded(packed))
     if unbounded:
         raise scene_error(unbounded)
     return packed
+
+
+def _vain(flat: Flat, formulas: Formulas) -> Iterator[str]:
+    """A warning for each object without a surface."""
+    for number in formulas.left_out:
+        one = flat.objects[number]
+        where = one.place or dotted(one.path)
+        yield f"{where}: warning: this object is empty, or fills all space: it has no surface to show"
 
 
 def _records(flat: Flat, primitives: Sequence[Primitives], objects: Objects) -> dict[str, np.ndarray]:
