@@ -6,7 +6,7 @@ users registered are among them, under their names and with the fields of their 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import cache
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, WithJsonSchema, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from tasuki.diagnostics import SceneError
+from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.formula_text import PART_NAME
 from tasuki.scene.kinds import PrimitiveKind, kinds
 from tasuki.scene.schema_fields import (
@@ -265,37 +265,30 @@ COMMON_FIELDS = ("kind", "attribute", "matrix", "flags")
 
 
 def node_models() -> Mapping[str, type[NodeModel]]:
-    """The model under every key that a node may have: Tasuki's own, then those of users' kinds.
+    """The model under every key that a node may have: Tasuki's own, then those of users' solids.
 
-    SceneError where a user's kind has a key that is taken or a field that a scene file cannot hold.
+    SceneError where the name of a user's solid is taken, or its record has a field that a scene file cannot hold.
     """
-    return _node_models(kinds())
+    return _node_models(tuple(kind for kind in kinds() if kind.sort == "solid" and not kind.is_built_in))
 
 
 @cache
-def _node_models(known: tuple[PrimitiveKind, ...]) -> Mapping[str, type[NodeModel]]:
-    users = [kind for kind in known if not kind.is_built_in]
+def _node_models(users: tuple[PrimitiveKind, ...]) -> Mapping[str, type[NodeModel]]:
     return MappingProxyType(dict(BUILT_IN) | {kind.name: _users_model(kind) for kind in users})
 
 
 def _users_model(kind: PrimitiveKind) -> type[NodeModel]:
-    fields = record_fields(kind.record, f"primitive kind {kind.name!r}", {*COMMON_FIELDS, *BoundedModel.model_fields})
     if kind.name in BUILT_IN:
-        raise SceneError(f"error: the primitive kind {kind.name!r} needs another name\n  found: a node of this name")
-    base = BoundedModel if kind.sort == "solid" else NodeModel
-    return create_model(kind.name, __base__=base, __doc__=f"A {kind.sort} that a user brought.", **fields)
-
-
-def record_fields(record: Any, owner: str, without: Collection[str]) -> dict[str, Any]:
-    """Pydantic fields for the fields of a record but those of `without`; SceneError where a type has no text."""
+        message = f"the primitive kind {kind.name!r} needs another name"
+        raise SceneError(str(Diagnostic(message, None, "a name that no node of a scene has", repr(kind.name))))
     fields: dict[str, Any] = {}
-    for name, type_ in record.ir.fields:
-        if name in without:
+    for name, type_ in kind.record.ir.fields:
+        if name in COMMON_FIELDS:
             continue
-        if str(type_) not in FIELD_TYPES:
-            expected = f"a field of type {', '.join(FIELD_TYPES)}"
-            raise SceneError(
-                f"error: the {owner} cannot stand in a scene\n  expected: {expected}\n  found: {name}: {type_}"
-            )
+        if str(type_) not in FIELD_TYPES or name in BoundedModel.model_fields:
+            taken = ", ".join(BoundedModel.model_fields)
+            expected = f"fields of type {', '.join(FIELD_TYPES)}, with other names than {taken}"
+            message = f"the primitive kind {kind.name!r} cannot stand in a scene"
+            raise SceneError(str(Diagnostic(message, None, expected, f"{name}: {type_}")))
         fields[name] = (FIELD_TYPES[str(type_)], ...)
-    return fields
+    return create_model(kind.name, __base__=BoundedModel, __doc__="A solid that a user brought.", **fields)
