@@ -42,15 +42,22 @@ DIAGONALS = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 
 # --- spheres ----------------------------------------------------------------------------------------------------------
 
 
-def around(extents: np.ndarray) -> Extent:
-    """A sphere around spheres (n, 4): its centre is the middle of the box around them."""
+def around(extents: np.ndarray, owners: np.ndarray, count: int) -> np.ndarray:
+    """Of each of `count` owners the sphere (count, 4) around those of the spheres (n, 4) that it owns; `owners` (n,).
+
+    Its centre is the middle of the box around them.
+    """
     centres, radii = extents[:, :3], extents[:, 3]
-    largest = radii.max(initial=-inf)
-    if not np.isfinite(largest):
-        return NONE if largest > 0.0 else AROUND_NOTHING
-    middle = ((centres - radii[:, None]).min(axis=0) + (centres + radii[:, None]).max(axis=0)) / 2.0
-    x, y, z = middle.tolist()
-    return x, y, z, float((np.linalg.norm(centres - middle, axis=1) + radii).max())
+    low, high = np.full((count, 3), inf), np.full((count, 3), -inf)
+    largest, reach = np.full((2, count), -inf)
+    np.minimum.at(low, owners, centres - radii[:, None])
+    np.maximum.at(high, owners, centres + radii[:, None])
+    np.maximum.at(largest, owners, radii)
+    bounded = np.isfinite(largest)
+    middle = np.zeros((count, 3))
+    middle[bounded] = (low[bounded] + high[bounded]) / 2.0
+    np.maximum.at(reach, owners, np.linalg.norm(centres - middle[owners], axis=1) + radii)
+    return np.column_stack([middle, np.where(bounded, reach, largest)])
 
 
 def around_box(box: Box, matrix: np.ndarray | None = None) -> Extent:
@@ -164,7 +171,8 @@ def _candidates(
     if part.leaf:
         yield ellipsoids.get(id(part.leaf)) or around_box(leaf_boxes(part.leaf)[2], part.leaf.matrix)
     elif part.is_union:
-        yield around(np.array(operands))
+        x, y, z, radius = around(np.array(operands), np.zeros(len(operands), np.intp), 1)[0].tolist()
+        yield x, y, z, radius
     else:
         yield from operands
         for leaves in in_one_frame(part):
@@ -207,20 +215,33 @@ def of_groups(packed: Packed, numbers: np.ndarray, extents: np.ndarray) -> tuple
     groups = packed.flat.groups
     ends = np.array([(group.first, group.end) for group in groups], np.intp).reshape(-1, 2)
     ranges = np.searchsorted(numbers, ends)
-    found = np.tile(np.array(NONE), (len(groups), 1))
-    outermost: list[int] = []
-    for group in range(len(groups) - 1, -1, -1):
-        first, end = ranges[group]
-        direct = np.ones(end - first, bool)
-        inner = []
-        while outermost and ranges[outermost[-1], 1] <= end and ranges[outermost[-1], 0] < end:
-            inner.append(outermost.pop())
-            direct[slice(*(ranges[inner[-1]] - first))] = False
-        computed = around(np.concatenate([extents[first:end][direct], found[inner]]))
-        found[group] = _tighter(np.array([computed]), [groups[group].extent])[0]
-        if first < end:
-            outermost.append(group)
+    owner_of_thing, owner, level = _owners(ranges, len(numbers))
+    grouped = np.flatnonzero(owner_of_thing >= 0)
+    found = np.tile(np.array(AROUND_NOTHING), (len(groups), 1))
+    given = [group.extent for group in groups]
+    for depth in range(level.max(initial=-1), -1, -1):
+        here = np.flatnonzero(level == depth)
+        inner = np.flatnonzero(level == depth + 1)
+        things = grouped[level[owner_of_thing[grouped]] == depth]
+        members = np.concatenate([extents[things], found[inner]])
+        owners = np.searchsorted(here, np.concatenate([owner_of_thing[things], owner[inner]]))
+        found[here] = _tighter(around(members, owners, len(here)), [given[group] for group in here.tolist()])
     return ranges, found
+
+
+def _owners(ranges: np.ndarray, things: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The innermost group around each thing and around each group (-1: none), and how many are around a group.
+
+    An empty group is around nothing, and at level 0.
+    """
+    owner_of_thing = np.full(things, -1)
+    owner, level = np.full(len(ranges), -1), np.zeros(len(ranges), np.intp)
+    for group, (first, end) in enumerate(ranges.tolist()):
+        if first < end:
+            owner[group] = owner_of_thing[first]
+            level[group] = level[owner[group]] + 1 if owner[group] >= 0 else 0
+            owner_of_thing[first:end] = group
+    return owner_of_thing, owner, level
 
 
 def nodes(packed: Packed) -> np.ndarray:

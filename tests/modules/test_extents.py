@@ -82,7 +82,7 @@ def nodes_over(scene: Scene, seed: int) -> np.ndarray:
     def group(members: list[int]) -> None:
         first = len(rows)
         inside = np.array([spheres_around[thing] for thing in members])
-        rows.append([around(inside) if (inside[:, 3] >= 0.0).all() else (0.0, 0.0, 0.0, -1.0), 0, -1])
+        rows.append([around(inside, np.zeros(len(inside), int), 1)[0] if (inside[:, 3] >= 0.0).all() else (0.0, 0.0, 0.0, -1.0), 0, -1])
         while members:
             count = int(draw.integers(1, len(members) + 1))
             if count > 3 and draw.random() < 0.7:
