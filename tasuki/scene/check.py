@@ -19,7 +19,7 @@ from tasuki.scene.problem import Path, Problem, dotted, number, point
 from tasuki.scene.shape_check import Census, shape_problems
 from tasuki.scene.shapes import POLYGON, Shapes, batch_of
 from tasuki.scene.solids import Polygon
-from tasuki.scene.tree import is_empty
+from tasuki.scene.traverse import is_empty
 from tasuki.scene.walk import Walk
 
 NO_AREA = "warning: this polygon has no area; it is left out"

@@ -34,7 +34,8 @@ from tasuki.scene.solids import (
     Wedge,
 )
 from tasuki.scene.source import quote, suggestion
-from tasuki.scene.tree import MOST_LEVELS, Bounded, Complement, Extent, Formula, Many, SetOperation, measure
+from tasuki.scene.traverse import measure
+from tasuki.scene.tree import MOST_LEVELS, Bounded, Complement, Extent, Formula, Many, SetOperation
 
 MOST_NODES = 2**24
 """How many nodes a tree may have, every instance counted apart: no file of a few lines can exhaust the computer."""

@@ -18,7 +18,8 @@ from tasuki.diagnostics import Span
 from tasuki.scene.material import PLAIN, Material, Vector
 from tasuki.scene.solids import Cone, Cylinder, Polygon, Sphere
 from tasuki.scene.transforms import IDENTITY
-from tasuki.scene.tree import Bounded, Many, Node, materials_of, with_materials
+from tasuki.scene.traverse import materials_of, with_materials
+from tasuki.scene.tree import Bounded, Many, Node
 
 SPHERE, CONE, POLYGON, NODE = range(4)
 """Sorts of entries, as they stand in `Shapes.sorts`; a NODE is one of the tree that no batch holds."""

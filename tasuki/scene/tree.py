@@ -7,15 +7,17 @@ combine them (`a | b`, `a & b`, `a - b`, `~a`), and methods place them (`node.ro
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError, Span
-from tasuki.scene.formula_text import Expression, parse_infix, parse_polish
-from tasuki.scene.material import PLAIN, Material, Vector
+from tasuki.scene.formula_text import PART_NAME, Expression, parse_infix, parse_polish
+from tasuki.scene.material import Material, Vector
 from tasuki.scene.problem import Path
 from tasuki.scene.transforms import IDENTITY, Transform, matrix, rotate, scale, translate
 
@@ -332,6 +334,12 @@ class Formula(Bounded):
     def inner(self) -> Sequence[Any]:
         return tuple(self.parts.values())
 
+    @property
+    def uses(self) -> list[int]:
+        """How often each part stands in the formula."""
+        counts = Counter(re.findall(PART_NAME, self.formula or self.polish or ""))
+        return [counts[name] for name in self.parts]
+
     def of_inner(self, inner: Sequence[Any]) -> Node:
         return replace(self, parts=dict(zip(self.parts, inner, strict=True)))
 
@@ -344,96 +352,6 @@ class Formula(Bounded):
 
     def __repr__(self) -> str:
         return _short(self)
-
-
-def materials_of(nodes: Iterable[Any]) -> list[Material]:
-    """The materials that trees are made of, and plain white where something has none of its own nor around it.
-
-    In order, those of a node before those inside the nodes in it.
-    """
-    found: dict[Material, None] = {}
-    known: set[int] = set()
-    stack: list[tuple[Iterable[Any], bool]] = [(nodes, False)]
-    seen: set[tuple[int, bool]] = set()
-    while stack:
-        inside, is_given = stack.pop()
-        ahead = []
-        for node in inside:
-            if isinstance(node, Many):
-                found.update(dict.fromkeys(node.materials))
-                ahead.append((node.nodes, True))
-                continue
-            material = node.material
-            # By identity first: to compare the values of materials takes longer than all else here.
-            if material is not None and id(material) not in known:
-                known.add(id(material))
-                found[material] = None
-            if node.holds:
-                given = is_given or material is not None
-                if (id(node), given) not in seen:
-                    seen.add((id(node), given))
-                    ahead.append((node.inner, given))
-            elif material is None and not is_given:
-                found[PLAIN] = None
-        stack += ahead[::-1]
-    return list(found)
-
-
-def is_empty(nodes: Iterable[Any]) -> bool:
-    """Whether there is nothing but empty groups in the trees of `nodes`."""
-    stack, seen = list(nodes), set()
-    while stack:
-        node = stack.pop()
-        if not node.holds or (isinstance(node, Many) and len(node) > len(node.nodes)):
-            return False
-        if id(node) not in seen:
-            seen.add(id(node))
-            stack += node.nodes if isinstance(node, Many) else node.inner
-    return True
-
-
-def with_materials(nodes: Sequence[Node], changed: Mapping[Material, Material]) -> list[Node]:
-    """The trees of `nodes` with each material changed, that which is there by default too. Sharing is kept."""
-    done: dict[int, Any] = {}
-    stack: list[Any] = list(nodes)
-    while stack:
-        node = stack.pop()
-        if id(node) in done:
-            continue
-        if isinstance(node, Many):
-            done[id(node)] = node.of_materials([changed[material] for material in node.materials])
-            continue
-        missing = [inner for inner in node.inner if id(inner) not in done]
-        if missing:
-            stack += [node, *missing]
-            continue
-        made = node.of_inner([done[id(inner)] for inner in node.inner])
-        done[id(node)] = made if made.material is None else replace(made, material=changed[made.material])
-    default = changed.get(PLAIN)
-    made_nodes = [done[id(node)] for node in nodes]
-    return [node if node.material or default is None else replace(node, material=default) for node in made_nodes]
-
-
-def measure(nodes: Iterable[Node]) -> list[tuple[int, int]]:
-    """Of each tree of `nodes`: how deep it is, in levels, and how many nodes it has with every instance apart."""
-    done: dict[int, tuple[int, int]] = {}
-    found = []
-    for root in nodes:
-        stack: list[Any] = [root]
-        while stack:
-            node = stack.pop()
-            inside = node.nodes if isinstance(node, Many) else node.inner
-            holders = [inner for inner in inside if inner.holds]
-            missing = [inner for inner in holders if id(inner) not in done]
-            if missing:
-                stack += [node, *missing]
-                continue
-            sizes = [done[id(inner)] for inner in holders]
-            single = len(node) if isinstance(node, Many) else 1 + len(inside)
-            levels = 1 + max((deep for deep, _ in sizes), default=1 if len(inside) else 0)
-            done[id(node)] = (levels, single - len(holders) + sum(many for _, many in sizes))
-        found.append(done[id(root)])
-    return found
 
 
 def _operands(operation: type[SetOperation], node: Node) -> Sequence[Node]:

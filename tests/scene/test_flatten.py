@@ -245,13 +245,14 @@ def test_normals_stay_with_their_points_and_at_right_angles():
 
 def test_similarities_keep_shapes_in_their_batches():
     nodes = [Sphere((1.0, 0.0, 0.0), -1.0), Cone(ORIGIN, 1.0, (0.0, 0.0, 1.0), 0.5, open=True)]
-    found = flat(Group(nodes).rotate("z", 90).scale(-2.0).translate(0.0, 0.0, 5.0))
-    assert found.sorts.tolist() == [SPHERE, CONE]
-    assert found.shapes.spheres.centre.tolist() == [[0.0, -2.0, 5.0]]
-    assert found.shapes.spheres.radius == pytest.approx([-2.0])
+    found = flat(Group(nodes).rotate("z", 90).scale(-2.0).translate(0.0, 0.0, 5.0), Sphere(ORIGIN, 3.0))
+    assert found.sorts.tolist() == [SPHERE, CONE, SPHERE]
+    assert found.shapes.spheres.centre.tolist() == [[0.0, -2.0, 5.0], [0.0, 0.0, 0.0]]
+    assert found.shapes.spheres.radius == pytest.approx([-2.0, 3.0])
     assert found.shapes.cones.apex.tolist() == [[0.0, 0.0, 3.0]]
     assert found.shapes.cones.apex_radius == pytest.approx([1.0])
-    assert found.shapes.spheres.frame.tolist() == found.shapes.cones.frame.tolist() == [0]
+    assert found.shapes.spheres.frame.tolist() == [0, -1]
+    assert found.shapes.cones.frame.tolist() == [0]
     np.testing.assert_array_equal(found.frames[0][:3, 3], [0.0, 0.0, 5.0])
 
 

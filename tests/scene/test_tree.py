@@ -47,7 +47,8 @@ from tasuki.scene.flatten import flatten
 from tasuki.scene.formula_text import FormulaError
 from tasuki.scene.shapes import NODE
 from tasuki.scene.transforms import IDENTITY, TransformError, matrix, rotate, scale, translate
-from tasuki.scene.tree import MOST_LEVELS, materials_of, measure
+from tasuki.scene.traverse import materials_of, measure
+from tasuki.scene.tree import MOST_LEVELS
 from tests.scene.strategies import solids, transforms
 
 CAMERA = Camera((0.0, -5.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 45.0)
@@ -407,6 +408,7 @@ def test_nesting_has_a_limit():
 
 def test_instances_count_one_by_one():
     assert measure([doubled(BALL, 30)]) == [(31, 2**31 - 1)]
+    assert measure([Formula({"a": doubled(BALL, 3), "b": BALL, "c": UNIT}, "a - (a + b)")]) == [(5, 1 + 2 * 15 + 1)]
     assert found(UNIT, doubled(UNIT, 40)) == [
         "shapes[1]: the scene has too many nodes, most of them here: instances count one by one; "
         "at most 16,777,216; 2,199,023,255,552"
