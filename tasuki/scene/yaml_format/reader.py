@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.check import problems
+from tasuki.scene.collector import collector_paused
 from tasuki.scene.material import Material, Texture, Vector
 from tasuki.scene.model import Camera, DirectionalLight, PointLight, Scene
 from tasuki.scene.schema import CameraModel, DirectionalLightModel, MaterialModel, PointLightModel, SceneModel
@@ -19,12 +18,12 @@ from tasuki.scene.source import SourceText, scene_error
 from tasuki.scene.textures import placed
 from tasuki.scene.yaml_format.nodes import compose
 from tasuki.scene.yaml_format.places import Places
-from tasuki.scene.yaml_format.tree import Walk, build
+from tasuki.scene.yaml_format.tree import Survey, build
 
 
 def read(source: SourceText) -> Scene:
     """The scene in `source`; SceneError with everything that is wrong with it."""
-    with _collector_paused():
+    with collector_paused():
         return _read(source)
 
 
@@ -39,34 +38,22 @@ def _read(source: SourceText) -> Scene:
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
         wrong = [places.explain(one, (), SceneModel) for one in found]
-    walk = Walk(places, list(places.plain("materials", dict)))
-    if wrong or walk.wrong:
-        raise scene_error(wrong + walk.wrong)
-    scene = _scene(model, walk)
+    survey = Survey(places, list(places.plain("materials", dict)))
+    if wrong or survey.wrong:
+        raise scene_error(wrong + survey.wrong)
+    scene = _scene(model, survey)
     if found_problems := problems(scene):
         # What is wrong inside a definition is found once more with every instance.
         raise scene_error(dict.fromkeys(map(places.locate, found_problems)))
     return scene
 
 
-@contextmanager
-def _collector_paused() -> Iterator[None]:
-    """Without the garbage collector: every node lives until the end, and looking at them again doubles the time."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
-
-
-def _scene(model: SceneModel, walk: Walk) -> Scene:
-    folder = Path(walk.places.source.file).parent.absolute()
+def _scene(model: SceneModel, survey: Survey) -> Scene:
+    folder = Path(survey.places.source.file).parent.absolute()
     materials = {name: _material(name, material, folder) for name, material in model.materials.items()}
     return Scene(
         camera=_camera(model.camera),
-        shapes=Shapes.of(build(walk, materials), list(materials.values())),
+        shapes=Shapes.of(build(survey, materials), list(materials.values())),
         lights=[_light(light) for light in model.lights],
         background=_vector(model.background),
     )
