@@ -1,15 +1,14 @@
 """From YAML nodes to the tree of a scene.
 
 By loops instead of recursion, so that the depth of a tree is limited by the scene's own rule, not by Python's stack: a
-first walk checks every node by itself, then definitions are put in an order in which each follows what it uses, and
-nodes are made from the leaves up.
+`Survey` checks every node by itself, and puts definitions in an order in which each follows what it uses; `build`
+makes nodes from the leaves up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from types import MappingProxyType
 from typing import Any, Literal
@@ -86,7 +85,7 @@ class Item:
     inner: list[int] = field(default_factory=list)
 
 
-class Walk:
+class Survey:
     """Checks the definitions and the shapes of a file. `wrong` holds what is wrong with them.
 
     `materials` are the names of the scene's materials. Where nothing is wrong, `items` are all nodes, each before those
@@ -116,11 +115,7 @@ class Walk:
         stack: list[tuple[Path, Node, Item | None]] = [(root, node, None)]
         while stack and len(self.wrong) <= MOST_ERRORS:
             path, node, parent = stack.pop()
-            if (
-                not isinstance(node.value, dict)
-                or len(node.value) != 1
-                or next(iter(node.value)) not in self.places.models
-            ):
+            if not self.places.is_item(node):
                 self.wrong.append(self.places.unknown_node(path, node))
                 continue
             ((key, (_, body)),) = node.value.items()
@@ -195,13 +190,13 @@ class Walk:
         return self.places.diagnostic(self._uses[way[0]][way[1]], message, expected, " -> ".join(way))
 
 
-def build(walk: Walk, materials: Mapping[str, Material]) -> list[tree.Node]:
-    """The shapes that a `walk` found nothing wrong with, from the leaves up."""
+def build(survey: Survey, materials: Mapping[str, Material]) -> list[tree.Node]:
+    """The shapes that a `survey` found nothing wrong with, from the leaves up."""
     definitions: dict[str, tree.Node] = {}
-    for name in walk.order:
-        definitions[name] = _build(walk.items, walk.roots["definitions", name], materials, definitions)
-    shapes = [items for path, items in walk.roots.items() if path[0] == "shapes"]
-    return [_build(walk.items, items, materials, definitions) for items in shapes]
+    for name in survey.order:
+        definitions[name] = _build(survey.items, survey.roots["definitions", name], materials, definitions)
+    shapes = [items for path, items in survey.roots.items() if path[0] == "shapes"]
+    return [_build(survey.items, items, materials, definitions) for items in shapes]
 
 
 def _build(
@@ -212,21 +207,22 @@ def _build(
     for number in reversed(numbers):
         item = items[number]
         body = item.body
-        fields: dict[str, Any] = {name: _value(value) for name, value in body if name not in _COMMON}
-        if isinstance(body, InstanceModel):
-            fields["of"] = definitions[body.of]
-        elif isinstance(body, ObjectModel):
-            fields["parts"] = {name: built.pop(one) for name, one in zip(body.parts, item.inner, strict=True)}
-        elif isinstance(body, ComplementModel):
-            fields["child"] = built.pop(item.inner[0])
-        elif item.inner or "children" in fields:
-            fields["children"] = tuple(built.pop(one) for one in item.inner)
-        if isinstance(body, BoundedModel) and body.extent is not None:
-            fields["extent"] = _extent(body.extent)
+        own: dict[str, Any] = {name: _value(value) for name, value in body if name not in _COMMON}
         material = None if body.material is None else materials[body.material]
         common: dict[str, Any] = {"material": material, "transform": item.transform, "name": body.name}
-        make = CLASSES.get(item.key) or partial(solids.Solid, item.key)
-        built[number] = make(**fields, **common, place=item.place)
+        if isinstance(body, BoundedModel) and body.extent is not None:
+            common["extent"] = _extent(body.extent)
+        if isinstance(body, InstanceModel):
+            own["of"] = definitions[body.of]
+        elif isinstance(body, ObjectModel):
+            own["parts"] = {name: built.pop(one) for name, one in zip(body.parts, item.inner, strict=True)}
+        elif isinstance(body, ComplementModel):
+            own["child"] = built.pop(item.inner[0])
+        elif item.key in LISTS:
+            own["children"] = tuple(built.pop(one) for one in item.inner)
+        elif item.key not in CLASSES:
+            own = {"kind": item.key, "fields": own}
+        built[number] = CLASSES.get(item.key, solids.Solid)(**own, **common, place=item.place)
     return built[numbers.start]
 
 
