@@ -75,12 +75,12 @@ def turbulence(point: vec3) -> f32:
 
 @module
 def marble(stone: Marble, colour: vec3, point: vec3, normal: vec3) -> vec3:
-    """The material's colour, darkened to that of the veins where a disturbed wave has its crests."""
+    """The material's colour, and that of the veins where a disturbed wave goes through zero."""
     place = point / stone.size
-    wave = sin(6.2831853 * (place.x + stone.turbulence * turbulence(place)))
-    share = smooth(0.5 + 0.5 * wave)
-    share = share * share * share
-    return colour + share * (stone.veins - colour)
+    wave = sin(3.1415927 * (place.x + stone.turbulence * turbulence(place)))
+    share = 1.0 - abs(wave)
+    share = share * share
+    return colour + share * share * (stone.veins - colour)
 
 
 checkers = Table(Checker)
