@@ -161,7 +161,8 @@ class _Placing:
         self.kinds = [lookup(name) for name in self.rows]
         self.placed: dict[str, surfaces.Placed] = {}
         self.kept: dict[str, np.ndarray] = {}
-        self._boxes: list[tuple[Box, Box, Box, Box]] = [(EVERYTHING,) * 4] * len(leaves)
+        # Of each leaf four boxes, (n, 4, 6), as `formula.LeafBoxes` has them.
+        self._boxes = np.empty((len(leaves), 4, 6))
         to_scene = matrices.to_scene()
         inverses = np.linalg.inv(to_scene)
         for kind in self.kinds:
@@ -175,7 +176,8 @@ class _Placing:
 
     def boxes(self, leaf: Leaf) -> tuple[Box, Box, Box, Box]:
         """As `formula.LeafBoxes` says."""
-        return self._boxes[self.row[id(leaf)]]
+        box, gap, local_box, local_gap = map(tuple, self._boxes[self.row[id(leaf)]].tolist())
+        return box, gap, local_box, local_gap
 
     def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> tuple[dict[str, np.ndarray], int]:
         """The tables of all kinds of surfaces, by name, and how many surfaces were merged with others."""
@@ -202,11 +204,10 @@ class _Placing:
     def _find_boxes(self, kind: PrimitiveKind, leaves: Sequence[Leaf]) -> None:
         find = plane_boxes if kind.name == PLANE else quadric_boxes
         placed, local = self.placed[kind.name].values, np.array([leaf.values for leaf in leaves], np.float64)
-        columns = [find(values).tolist() for values in (placed, -placed, local, -local)]
-        for row, leaf, *four in zip(self.rows[kind.name].tolist(), leaves, *columns, strict=True):
-            box, gap, local_box, local_gap = map(tuple, four)
-            in_order = (gap, box, local_gap, local_box) if leaf.inverted else (box, gap, local_box, local_gap)
-            self._boxes[row] = in_order  # type: ignore[assignment]
+        four = np.stack([find(values) for values in (placed, -placed, local, -local)], axis=1)
+        inverted = np.array([leaf.inverted for leaf in leaves], bool)
+        four[inverted] = four[inverted][:, [1, 0, 3, 2]]
+        self._boxes[self.rows[kind.name]] = four
 
     def _keep(self, kind: PrimitiveKind, leaves: Sequence[Leaf], to_scene: np.ndarray) -> None:
         """Solids of users' kinds stay in their own coordinates; their boxes come from their own module."""
