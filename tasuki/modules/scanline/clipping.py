@@ -4,7 +4,7 @@ I. E. Sutherland and G. W. Hodgman, "Reentrant Polygon Clipping", 1974; before d
 M. E. Newell, "Clipping Using Homogeneous Coordinates", 1978. Points are (x, y, w): x / w and y / w are pixels.
 """
 
-from tasuki.language import f32, i32, module, vec3
+from tasuki.language import f32, i32, module, select, vec3
 from tasuki.modules.records import View
 from tasuki.modules.scanline.records import Frame
 
@@ -39,9 +39,14 @@ def outcode(point: vec3, view: View, frame: Frame) -> i32:
 
 
 @module
-def crossing(inside: vec3, outside: vec3, near: f32, far: f32) -> vec3:
-    """Where the way from a point inside to one outside meets a side; their distances are `near` >= 0 and `far` < 0.
+def crossing(a: vec3, a_distance: f32, b: vec3, b_distance: f32) -> vec3:
+    """Where the way between a point within a side (its distance not negative) and one beyond meets that side.
 
-    Always from the inside: the faces on both sides of an edge cut it in one point, to the last bit.
+    Always reckoned from the one within: the faces on both sides of an edge cut it in one point, to the last bit.
     """
+    from_a = a_distance >= 0.0
+    inside = select(from_a, a, b)
+    outside = select(from_a, b, a)
+    near = select(from_a, a_distance, b_distance)
+    far = select(from_a, b_distance, a_distance)
     return inside + near / (near - far) * (outside - inside)

@@ -140,10 +140,7 @@ def clip_face(number: i32):
             point = corners[n]
             distance = distance_inside(point, side, view, frame)
             if (distance >= 0.0) != (last_distance >= 0.0):
-                if distance >= 0.0:
-                    clipped[kept] = crossing(point, last, distance, last_distance)
-                else:
-                    clipped[kept] = crossing(last, point, last_distance, distance)
+                clipped[kept] = crossing(point, distance, last, last_distance)
                 kept += 1
             if distance >= 0.0:
                 clipped[kept] = point
@@ -156,9 +153,8 @@ def clip_face(number: i32):
     for n in range(MOST_CORNERS):
         entry = len(face_edges) + number * MOST_CORNERS + n
         if n < count:
-            following = select(n + 1 < count, n + 1, 0)
             a = perspective(corners[n])
-            b = perspective(corners[following])
+            b = perspective(corners[select(n + 1 < count, n + 1, 0)])
             enter_edge(entry, edge_between(a, b, index, -1, frame.sample_y))
         else:
             edges[entry].rows = 0

@@ -21,7 +21,7 @@ def first_from(x: i32, sample: i32) -> i32:
 
 @module
 def multiple(n: i32, bits: i32, whole: i32, rest: i32, divisor: i32) -> tuple[i32, i32]:
-    """n times (whole + rest / divisor), as such a sum again: 0 <= rest < divisor < 2**30.
+    """n times (whole + rest / divisor), as such a sum again: 0 <= rest < divisor < 2**29.
 
     n has `bits` bits, and is multiplied one bit after another, from the highest: no product has more than 32 bits where
     the result has not.
