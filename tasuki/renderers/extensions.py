@@ -47,5 +47,5 @@ def _with_place(error: SceneError, file: str | Path) -> str:
     """What went wrong, and the line of the file that asked for it."""
     path = str(Path(file).resolve())
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
-    place = Span(path, (lines[-1] if lines else 1) or 1)
-    return f"{place}: {error}"
+    message, *details = str(error).removeprefix("error: ").split("\n")
+    return "\n".join([str(Diagnostic(message, Span(path, (lines[-1] if lines else 1) or 1))), *details])

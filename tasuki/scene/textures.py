@@ -126,7 +126,8 @@ def problems(texture: Texture) -> Iterator[Problem]:
 def _value_problems(name: str, type_: str, value: Any) -> Iterator[Problem]:
     expected = _expected(type_, value)
     if expected:
-        yield Problem(("values", name), "no such value for a texture", expected, repr(value))
+        found = list(value) if isinstance(value, tuple) else value
+        yield Problem(("values", name), "no such value for a texture", expected, repr(found))
     elif type_ == FILE and not Path(value).is_file():
         found = "a folder" if Path(value).is_dir() else "no such file"
         yield Problem(("values", name), f"the texture's file {value!r} is missing", "a file", found)
