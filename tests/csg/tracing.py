@@ -61,7 +61,7 @@ def _labelled(node: Tree, numbers: Iterator[int]) -> Tree:
 class Traced:
     """Formulas, packed together as the objects of one scene. Formula k shows from both sides if `two_sided[k]`.
 
-    Those that hold nothing, or everything, are left out: their `rows` are -1.
+    Those that are found to hold nothing, or everything, are left out: their `rows` are -1, and nothing meets them.
     """
 
     def __init__(self, trees: Sequence[Tree], two_sided: Sequence[bool] | None = None) -> None:
@@ -77,4 +77,7 @@ class Traced:
     def met(self, number: Any, origin: np.ndarray, direction: np.ndarray, left: Any = -1, **options: Any) -> Any:
         """What module `met` gives for formula `number`: one for all rays, or one for each."""
         row = self.rows[number]
+        if np.ndim(row) == 0 and row < 0:
+            none = np.full(len(origin), -1, np.int32)
+            return np.full(len(origin), np.inf, np.float32), none, none, np.zeros((len(origin), 3), np.float32)
         return map_module(met, row, origin, direction, left, fill=FILLERS, tables=self.tables, **options)
