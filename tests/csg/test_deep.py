@@ -24,7 +24,7 @@ from tasuki.scene.solids import Box, Sphere
 from tasuki.scene.tree import Difference, Formula, Intersection, Node, Union
 from tests.csg.operands import CENTRE, CUT, WHOLE
 from tests.csg.rays import from_all_sides
-from tests.csg.tracing import FILLERS, Traced, met, trees_of
+from tests.csg.tracing import FILLERS, Traced, met, roots_of, trees_of
 from tests.machines.running import assert_same_bits
 
 MANY = 2000
@@ -147,7 +147,7 @@ def test_a_comb_may_be_written_as_one_formula(leftwards):
         words = [*operators, *parts]
     else:
         words = [word for pair in zip(operators, list(parts)[:0:-1], strict=True) for word in pair] + ["b0"]
-    written = Traced(trees_of([Formula(parts, polish=" ".join(words))]))
+    written = Traced(roots_of([Formula(parts, polish=" ".join(words))]))
     tree = comb([ball(*one) for one in zip(centres, radii, strict=True)], leftwards=leftwards)
     assert np.array_equal(written.tables["tokens"]["operator"], Traced([tree]).tables["tokens"]["operator"])
 

@@ -38,8 +38,8 @@ def test_t_and_owner_are_the_oracles(node, seed, two_sided):
     assert hits.decided.mean() > 0.5
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
-@given(st.lists(formulas(3), min_size=6, max_size=6), seeds)
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@given(st.lists(formulas(2), min_size=4, max_size=4), seeds)
 def test_every_machine_and_width_finds_the_same(nodes, seed):
     trees = trees_of(nodes)
     here = Traced(trees, [True] * len(trees))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -46,10 +47,14 @@ def met(index: i32, origin: vec3, direction: vec3, left: i32) -> tuple[f32, i32,
     return t, attribute, code, normal
 
 
+def roots_of(nodes: Sequence[Node]) -> list[Tree]:
+    """The formulas of solids, as they are."""
+    return [one.root for one in flatten(Scene(CAMERA, [Union((node,)) for node in nodes])).objects]
+
+
 def trees_of(nodes: Sequence[Node]) -> list[Tree]:
     """The formulas of solids; `material` of each leaf is its place in the text of its formula."""
-    flat = flatten(Scene(CAMERA, [Union((node,)) for node in nodes]))
-    return [_labelled(one.root, iter(range(1 << 30))) for one in flat.objects]
+    return [_labelled(root, count()) for root in roots_of(nodes)]
 
 
 def _labelled(node: Tree, numbers: Iterator[int]) -> Tree:
