@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tasuki.diagnostics import SceneError
 from tasuki.language import Table, f32, i32, module, record, vec3
-from tasuki.scene import Camera, Material, PointLight, Scene, Texture, kinds, load_scene, solids, textures, tree
+from tasuki.scene import Camera, Material, PointLight, Scene, Shapes, Texture, kinds, load_scene, solids, textures, tree
 from tasuki.scene.importers.nff import read as read_nff
 from tasuki.scene.model import DirectionalLight
 from tasuki.scene.schema import SceneModel, scene_schema
@@ -285,6 +285,12 @@ def test_every_tree_survives_yaml(shapes):
     found = scene(text)
     assert found == original
     assert dump_yaml(found) == text
+
+
+def test_batches_within_groups_are_written_one_by_one():
+    spheres = [Sphere(ORIGIN, 1.0, material=MATERIALS[0]), Sphere(TOP, 2.0, material=MATERIALS[0])]
+    found = scene(dump_yaml(Scene(VIEW, [Group([Shapes.of(spheres)]), Group([Shapes.of([])])])))
+    assert list(found.shapes) == [Group(spheres), Group()]
 
 
 def test_aliases_repeat_values():

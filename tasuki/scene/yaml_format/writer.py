@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -88,9 +89,8 @@ class _Writer:
         elif isinstance(node, Complement):
             yield f"{pad}child:"
             yield node.child, "", column + 2
-        elif isinstance(node, Group | SetOperation) and node.children:
+        elif members := _members(node):
             yield f"{pad}children:"
-            members = (one for child in node.children for one in (child if isinstance(child, Shapes) else [child]))
             yield from ((child, "- ", column + 2) for child in members)
 
     def _key(self, node: Node) -> str:
@@ -105,9 +105,9 @@ class _Writer:
         elif isinstance(node, Instance):
             own = {"of": self.definitions[id(node.of)]}
         else:
-            given = ((field, getattr(node, field.name)) for field in fields(node) if field.name not in _WRITTEN_APART)
-            own = {field.name: value for field, value in given if value != field.default}
-        if isinstance(node, Group) and not node.children:
+            given = ((name, default, getattr(node, name)) for name, default in _own_fields(type(node)))
+            own = {name: value for name, default, value in given if value != default}
+        if isinstance(node, Group) and not _members(node):
             own["children"] = ()
         return own | {
             "material": None if node.material is None else self.materials[node.material],
@@ -115,6 +115,12 @@ class _Writer:
             "name": node.name,
             "extent": node.extent if isinstance(node, Bounded) else None,
         }
+
+
+def _members(node: Node) -> list[Node]:
+    """The children of a group or a set operation, those of a batch one by one."""
+    children = node.children if isinstance(node, Group | SetOperation) else ()
+    return [one for child in children for one in (child if isinstance(child, Shapes) else [child])]
 
 
 def _defined(shapes: Shapes) -> list[Node]:
@@ -132,7 +138,11 @@ def _defined(shapes: Shapes) -> list[Node]:
     return list(found.values())
 
 
-_WRITTEN_APART = {field.name for field in fields(Bounded)} | {"children", "child", "parts"}
+@cache
+def _own_fields(made: type[Node]) -> list[tuple[str, Any]]:
+    """Names and defaults of what nodes of a class have besides what all have and the nodes in them."""
+    apart = {field.name for field in fields(Bounded)} | {"children", "child", "parts"}
+    return [(field.name, field.default) for field in fields(made) if field.name not in apart]
 
 
 def _steps(transform: Transform) -> list[dict[str, Any]] | None:
