@@ -337,7 +337,7 @@ def test_a_scene_that_is_missing(folder: Path):
 
 
 def test_a_scene_of_an_unknown_format(folder: Path):
-    refuses(folder, tasuki("render", "mine.py"), "'mine.py'", ".nff, .yaml")
+    refuses(folder, tasuki("render", "mine.py"), "'mine.py'", ".nff, .obj, .ply, .stl, .yaml")
 
 
 def test_a_folder_as_scene(folder: Path):
