@@ -210,28 +210,28 @@ def _registered(census: Census, members: Sequence[int]) -> Iterator[Problem]:
         except SceneError:
             yield Problem((*path, "kind"), "there is no such kind", "a registered kind", quote(solid.kind))
             continue
-        yield from _fields(path, solid.fields, _record_shapes(kind.record))
+        yield from _fields(path, solid.fields, _given_fields(kind.record))
 
 
-def _record_shapes(record: Any) -> dict[str, tuple[int, ...]]:
-    """The fields that a user gives of a kind's record, with their shapes."""
+def _given_fields(record: Any) -> dict[str, np.dtype]:
+    """The fields that a user gives of a kind's record, with their types."""
     dtype = record.numpy_dtype()
-    names = [name for name in dtype.names if name not in ("kind", "attribute", "matrix", "flags")]
-    return {name: dtype[name].shape for name in names}
+    return {name: dtype[name] for name in dtype.names if name not in ("kind", "attribute", "matrix", "flags")}
 
 
-def _fields(path: Path, fields: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]]) -> Iterator[Problem]:
-    for name, shape in shapes.items():
-        expected = "a finite number" if shape == () else f"{' x '.join(map(str, shape))} finite numbers"
+def _fields(path: Path, fields: Mapping[str, Any], types: Mapping[str, np.dtype]) -> Iterator[Problem]:
+    for name, dtype in types.items():
+        is_whole = dtype.base.kind == "i"
+        expected = "a whole number" if is_whole else _expected(dtype.shape)
         if name not in fields:
             yield Problem((*path, name), "this is missing", expected, "nothing")
-        elif not _is_finite(fields[name], shape):
+        elif not _is_finite(fields[name], dtype.shape) or (is_whole and fields[name] != int(fields[name])):
             yield Problem((*path, name), "this is no such value", expected, _shown(fields[name]))
     for name in fields:
-        if name not in shapes:
-            hint = suggestion(name, list(shapes))
+        if name not in types:
+            hint = suggestion(name, list(types))
             message = "there is no such field" + (f", {hint}" if hint else "")
-            yield Problem((*path, name), message, f"one of {', '.join(shapes)}", quote(name))
+            yield Problem((*path, name), message, f"one of {', '.join(types)}", quote(name))
 
 
 # The numbers of solids with constructors
@@ -265,8 +265,7 @@ def _malformed(census: Census, solid_class: type, members: Sequence[int]) -> Ite
         for name in CONSTRUCTORS[solid_class].fields:
             value, form = getattr(census.nodes[place], name), _form(solid_class, name)
             if not _is_finite(value, form):
-                expected = f"{' x '.join(map(str, form))} finite numbers" if form else "a finite number"
-                yield Problem((*census.path(place), name), "this is no such value", expected, _shown(value))
+                yield Problem((*census.path(place), name), "this is no such value", _expected(form), _shown(value))
 
 
 _SCALARS = ("radius", "base_radius", "apex_radius", "hole", "thickness", "constant", "sheets")
@@ -279,6 +278,11 @@ def _form(solid_class: type, name: str) -> tuple[int, ...]:
     if name == "matrix":
         return (3, 3)
     return (2,) if (solid_class, name) == (Paraboloid, "radii") else (3,)
+
+
+def _expected(shape: tuple[int, ...]) -> str:
+    """What a value of this shape is."""
+    return f"{' x '.join(map(str, shape))} finite numbers" if shape else "a finite number"
 
 
 def _is_finite(value: Any, shape: tuple[int, ...]) -> bool:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tasuki.diagnostics import SceneError
+from tasuki.language import Table, i32, record
 from tasuki.scene import (
     Box,
     Camera,
@@ -68,6 +69,20 @@ def nested(node, levels):
     for _ in range(levels - 1):
         node = Group([node])
     return node
+
+
+@pytest.fixture
+def registry(monkeypatch):
+    monkeypatch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
+
+
+@record
+class Counted:
+    kind: i32
+    attribute: i32
+    matrix: i32
+    flags: i32
+    count: i32
 
 
 # Nodes are values
@@ -380,7 +395,13 @@ def test_a_solid_of_a_kind_that_does_not_exist_or_has_other_fields():
         "shapes[0].d: this is missing; a finite number; nothing",
         "shapes[0].dd: there is no such field, did you mean 'd'?; one of normal, d; 'dd'",
     ]
-    assert kinds.lookup("plane").sort == "solid"
+
+
+@pytest.mark.usefixtures("registry")
+def test_whole_numbers_of_a_registered_kind_are_whole():
+    kinds.register(replace(kinds.lookup("plane"), name="counted", table=Table(Counted)))
+    assert found(Solid("counted", count=2)) == []
+    assert found(Solid("counted", count=2.5)) == ["shapes[0].count: this is no such value; a whole number; 2.5"]
 
 
 def test_what_nodes_can_hold():
