@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import Any
 
-from tasuki.diagnostics import Diagnostic, Note, Span
+from tasuki.diagnostics import Diagnostic, Span
 from tasuki.scene.formula_text import FormulaError
 from tasuki.scene.problem import Path, Problem, dotted
 from tasuki.scene.schema import known_keys
@@ -76,7 +76,7 @@ class Places:
             named = _child(_child(self.root, "definitions") or node, node.text)
             if named is not None:
                 node, way = named, ["definitions", node.text]
-        is_body = way and way[-1] in self.models and way[-2] not in ("definitions", "parts")
+        is_body = way and way[-1] in self.models and way[-2:-1] not in (["definitions"], ["parts"])
         if not is_body and self.is_item(node) and step not in node.value:
             ((key, (_, body)),) = node.value.items()
             return body, [*way, key]
@@ -99,13 +99,12 @@ class Places:
         found: str | None,
         hint: str | None = None,
         span: Span | None = None,
-        notes: tuple[Note, ...] = (),
     ) -> Diagnostic:
         """A message about what stands at `path`, which is drawn unless `span` is given."""
         node, way = self.follow(path)
         text = f"{shown(way)}: {message}" if way else message
         span = span or node.span(self.source.file)
-        return Diagnostic(text, span, expected, found, hint, notes, self.source.shown)
+        return Diagnostic(text, span, expected, found, hint, source=self.source.shown)
 
     def explain(self, error: Any, prefix: Path, model: type[Model]) -> Diagnostic:
         """A pydantic error of a `model` that stands at `prefix` as a diagnostic."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,13 @@ from tasuki.scene.yaml_format.tree import CLASSES
 
 KEYS = {made: key for key, made in CLASSES.items()}
 """The key of each class of nodes; a polygon without normals has another, and a user's kind its own name."""
+
+_APART = {field.name for field in fields(Bounded)} | {"children", "child", "parts"}
+OWN_FIELDS = {
+    made: [(field.name, field.default) for field in fields(made) if field.name not in _APART]
+    for made in CLASSES.values()
+}
+"""Names and defaults of what nodes of a class have, besides what all nodes have and the nodes in them."""
 
 
 def dump_yaml(scene: Scene) -> str:
@@ -105,7 +111,7 @@ class _Writer:
         elif isinstance(node, Instance):
             own = {"of": self.definitions[id(node.of)]}
         else:
-            given = ((name, default, getattr(node, name)) for name, default in _own_fields(type(node)))
+            given = ((name, default, getattr(node, name)) for name, default in OWN_FIELDS[type(node)])
             own = {name: value for name, default, value in given if value != default}
         if isinstance(node, Group) and not _members(node):
             own["children"] = ()
@@ -136,13 +142,6 @@ def _defined(shapes: Shapes) -> list[Node]:
             found[id(node.of)] = node.of
         stack += (node.nodes if isinstance(node, Shapes) else node.inner)[::-1]
     return list(found.values())
-
-
-@cache
-def _own_fields(made: type[Node]) -> list[tuple[str, Any]]:
-    """Names and defaults of what nodes of a class have besides what all have and the nodes in them."""
-    apart = {field.name for field in fields(Bounded)} | {"children", "child", "parts"}
-    return [(field.name, field.default) for field in fields(made) if field.name not in apart]
 
 
 def _steps(transform: Transform) -> list[dict[str, Any]] | None:
