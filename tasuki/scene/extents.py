@@ -24,6 +24,7 @@ from tasuki.scene.kinds import PrimitiveKind, record_dtype
 from tasuki.scene.objects import SLACK
 from tasuki.scene.objects import local_box as box_of_primitive
 from tasuki.scene.problem import dotted
+from tasuki.scene.shapes import POLYGON
 from tasuki.scene.surfaces import completed
 
 if TYPE_CHECKING:
@@ -244,12 +245,35 @@ def _owners(ranges: np.ndarray, things: int) -> tuple[np.ndarray, np.ndarray, np
     return owner_of_thing, owner, level
 
 
+def of_polygons(packed: Packed, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `of_groups`, of all polygons: one that became several triangles is a group of these."""
+    flat, polygons = packed.flat, packed.flat.shapes.polygons
+    own = np.flatnonzero(flat.sorts == POLYGON)
+    ranges = np.column_stack([np.searchsorted(numbers, own, side) for side in ("left", "right")])
+    points = np.column_stack([polygons.points, np.zeros(len(polygons.points))])
+    return ranges, around(points, np.repeat(np.arange(len(own)), polygons.sizes), len(own))
+
+
+def _useful_groups(packed: Packed, numbers: np.ndarray, extents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """In preorder the ranges and extents of all groups, and of polygons of several triangles, that are worth a step."""
+    flat_ranges, around_flat = of_polygons(packed, numbers)
+    # What is around a polygon is tighter than what is around all that is around its triangles.
+    whole = extents.copy()
+    whole[packed.flat.sorts[numbers] == POLYGON] = np.repeat(around_flat, np.diff(flat_ranges)[:, 0], axis=0)
+    ranges, around_groups = of_groups(packed, numbers, whole)
+    several = flat_ranges[:, 1] - flat_ranges[:, 0] > 1
+    ranges = np.concatenate([ranges, flat_ranges[several]])
+    around_groups = np.concatenate([around_groups, around_flat[several]])
+    useful = np.flatnonzero(np.isfinite(around_groups[:, 3]) & (ranges[:, 0] < ranges[:, 1]))
+    order = useful[np.lexsort((-ranges[useful, 1], ranges[useful, 0]))]
+    return ranges[order], around_groups[order]
+
+
 def nodes(packed: Packed) -> np.ndarray:
     """The table "extent_nodes": things in scene order, each group that has an extent before what it holds."""
     numbers, codes, extents = of_things(packed)
-    ranges, around_groups = of_groups(packed, numbers, extents)
-    useful = np.isfinite(around_groups[:, 3]) & (ranges[:, 0] < ranges[:, 1])
-    (first, end), around_groups = ranges[useful].T, around_groups[useful]
+    ranges, around_groups = _useful_groups(packed, numbers, extents)
+    first, end = ranges.T
     # Before a thing stand the groups that begin at it or earlier; a group's place is after all that begin before it.
     at_thing = np.arange(len(codes)) + np.searchsorted(first, np.arange(len(codes)), side="right")
     at_group = first + np.arange(len(first))
