@@ -132,6 +132,8 @@ def test_stats(folder: Path):
     assert set(seconds) == {"load", "build", "compile", "render", "write", "total"}
     parts = sum(seconds[name] for name in ("load", "build", "compile", "render", "write"))
     assert 0 < seconds["render"] < parts <= seconds["total"]
+    assert stats["search"]["accelerator"] == "bvh"
+    assert stats["search"]["sampled_pixels"] == 256
     assert stats["pu"] is None
     assert stats["machine"]["name"] == "cpu"
     assert stats["machine"]["threads"] == 2
