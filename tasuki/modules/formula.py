@@ -78,14 +78,18 @@ def joined(union: bool, state: bool, until: f32, operand: bool, operand_until: f
 
 @module
 def formula_span(
-    formula: Object, origin: vec3, direction: vec3, inverse: vec3, shifted: vec3, left: i32, t: f32
+    formula: Object, origin: vec3, direction: vec3, inverse: vec3, shifted: vec3, left: i32, t: f32, far: f32
 ) -> tuple[bool, f32]:
-    """Whether the ray is IN just after t, and a bound until which that does not change."""
+    """Whether the ray is IN just after t, and a bound until which that does not change; nothing beyond `far` is asked.
+
+    Bounds that lie ahead are entered only below a union, and while they are nearer than the nearest change known: what
+    is OUT is left at the next way in, which is sought here; what is IN needs no more than its state at t.
+    """
     states = array(bool, DEEPEST)
     untils = array(f32, DEEPEST)
     depth = 0
     state = formula.flags & UNION == 0
-    until = NOWHERE
+    until = far
     row = formula.first
     while row < formula.end:
         token = tokens[row]
@@ -101,7 +105,7 @@ def formula_span(
             operand = state
             coming = until
             state = not union
-            until = NOWHERE
+            until = far
             if token.operator & SAVED != 0:
                 depth -= 1
                 state = states[depth]
@@ -114,7 +118,10 @@ def formula_span(
             if token.operand >= 0:
                 box = bounds[token.operand]
                 enter, leave = slab_entry(box.low, box.high, inverse, shifted, NOWHERE)
-                entered = any_lane(enter <= t and t <= leave)
+                reach = t
+                if union:
+                    reach = until
+                entered = any_lane(state != union and t <= leave and enter <= min(leave, reach))
                 if not entered:
                     ahead = select(enter <= leave and t < enter, enter, NOWHERE)
                     state, until = joined(union, state, until, token.operator & INVERTED != 0, ahead)
@@ -125,7 +132,7 @@ def formula_span(
                     untils[depth] = until
                     depth += 1
                 state = token.operator & OPENS_UNION == 0
-                until = NOWHERE
+                until = far
     return state, until
 
 
