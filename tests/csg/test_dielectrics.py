@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tasuki.language import i32, module, vec3
+from tasuki.language import i32, module, select, vec3
 from tasuki.mapping import map_module
-from tasuki.modules.light_paths import Ray, fork_at
-from tasuki.modules.search import NOTHING, nearest_hit
+from tasuki.modules.light_paths import Ray, fork_of
+from tasuki.modules.search import NOTHING
 from tasuki.renderers.options import RenderOptions
 from tasuki.renderers.raytrace import RayTracer
 from tasuki.scene import Camera, Material, Scene
@@ -35,7 +35,7 @@ STRIPES = [
 ]
 
 
-def picture(*things: Node, camera: Camera = CAMERA, depth: int = 8) -> np.ndarray:
+def picture(*things: Node, camera: Camera = CAMERA, depth: int = 20) -> np.ndarray:
     return rendered(Scene(camera, (*things, *STRIPES), (), BACKGROUND), depth=depth)
 
 
@@ -69,8 +69,8 @@ def test_a_ball_that_stands_alone_is_a_medium_too():
 
 
 def test_where_media_overlap_the_first_rules():
-    assert np.array_equal(picture(of(BASIN, WATER), of(BALL, GLASS)), picture(of(BASIN, WATER)))
-    # Half outside: what lies within the first is not there.
+    # What lies within the first is not there.
+    require_same(picture(of(BASIN, WATER), of(BALL, GLASS)), picture(of(BASIN, WATER)))
     half = Sphere((0.0, 0.0, 1.2), 0.7)
     require_same(picture(of(BASIN, WATER), of(half, GLASS)), picture(of(BASIN, WATER), of(half - BASIN, GLASS)))
 
@@ -111,15 +111,16 @@ def test_what_lies_under_glass_is_dimmed_by_fresnels_share():
     assert seen == pytest.approx(0.96 + 0.04 * np.array(BACKGROUND), abs=1e-5)
 
 
-@pytest.mark.parametrize("depth", [10, 14])
-def test_in_a_furnace_nothing_of_glass_is_seen(depth):
+def test_in_a_furnace_nothing_of_glass_is_seen():
     # Light of 1 from everywhere: whatever media do to it, 1 comes out, less what the last rays carried.
     lens = Sphere((0.0, -0.6, 0.3), 1.0) & Sphere((0.0, 0.6, 0.3), 1.0)
-    things = (of(lens, GLASS), of(BASIN - Sphere((0.9, 0.9, 0.9), 0.5), WATER), of(Sphere((0.9, 0.9, 0.9), 0.5), DENSE))
-    furnace = rendered(Scene(CAMERA, things, (), (1.0, 1.0, 1.0)), depth=depth)
-    assert furnace.max() <= 1.0 + 1e-5
-    assert np.median(furnace) > 1.0 - 1e-3
-    assert furnace.min() > 0.5
+    bubble = Sphere((0.9, 0.9, 0.9), 0.5)
+    things = (of(lens, GLASS), of(BASIN - bubble, WATER), of(bubble, DENSE))
+    short, long = (rendered(Scene(CAMERA, things, (), (1.0, 1.0, 1.0)), depth=depth) for depth in (6, 12))
+    assert long.max() <= 1.0 + 1e-5
+    assert (long >= short - 1e-5).all()
+    assert short.mean() < long.mean()
+    assert long.mean() > 0.97
 
 
 # --- rays -------------------------------------------------------------------------------------------------------------
@@ -130,26 +131,12 @@ def refracted(origin: vec3, direction: vec3, left: i32) -> tuple[bool, vec3, vec
     """Whether a ray meets something, and the normal there and the ray that is refracted: origin, direction, surface
     left; the shares that are mirrored and refracted.
     """
-    met = False
-    start = origin
-    bent = direction
-    code = left
-    mirrored = vec3(0.0)
-    through = vec3(0.0)
-    normal = vec3(0.0)
-    t, hit = nearest_hit(origin, direction, left)
-    if hit != NOTHING:
-        met = True
-        fork = fork_at(Ray(origin, direction, vec3(1.0), left, False), t, hit)
-        normal = fork.mirrored.direction - direction
-        start = fork.refracted.origin
-        bent = fork.refracted.direction
-        code = fork.refracted.left
-        if not fork.mirrored.rests:
-            mirrored = fork.mirrored.weight
-        if not fork.refracted.rests:
-            through = fork.refracted.weight
-    return met, normal, start, bent, code, mirrored, through
+    fork = fork_of(Ray(origin, direction, vec3(1.0), left, False), vec3(0.0))
+    onwards = fork.refracted
+    mirrored = select(fork.mirrored.rests, vec3(0.0), fork.mirrored.weight)
+    through = select(onwards.rests, vec3(0.0), onwards.weight)
+    normal = fork.mirrored.direction - direction
+    return fork.met != 0, normal, onwards.origin, onwards.direction, onwards.left, mirrored, through
 
 
 class Tables:
@@ -216,7 +203,9 @@ def test_shares_add_up_to_one_everywhere():
     left = np.full(2000, NOTHING, np.int32)
     for _ in range(4):
         met, _, start, way, left, mirrored, through = here.refracted(start, way, left)
-        assert met.mean() > 0.1
         assert ((mirrored >= 0.0) & (mirrored <= 1.0) & (through >= 0.0) & (through <= 1.0)).all()
         assert (mirrored + through)[met] == pytest.approx(np.ones((met.sum(), 3)), abs=1e-6)
-        assert np.linalg.norm(way, axis=1) == pytest.approx(np.ones(2000), abs=1e-3)
+        goes_on = through[:, 0] > 0.0
+        start, way, left = start[goes_on], way[goes_on], left[goes_on]
+        assert len(start) > 200
+        assert np.linalg.norm(way, axis=1) == pytest.approx(1.0, abs=1e-5)
