@@ -28,7 +28,7 @@ def plane_span(plane: Plane, origin: vec3, direction: vec3, leaving: bool, t: f3
     before = select(slope < 0.0, crossing < t, t <= crossing)
     after = select(slope < 0.0, crossing <= t, t < crossing)
     parallel = slope == 0.0
-    inside = height < 0.0
+    inside = plane_inside(plane, origin)
     coming = select(not parallel and crossing > t, crossing, NOWHERE)
     return select(parallel, inside, before), select(parallel, inside, after), coming
 
