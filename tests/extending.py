@@ -1,0 +1,41 @@
+"""What files of users register, for as long as a test needs it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from tasuki.language.load import load_file
+from tasuki.renderers import accelerators, extensions
+from tasuki.scene import kinds, textures
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@contextmanager
+def registries() -> Iterator[None]:
+    """What is registered meanwhile is forgotten afterwards, and files that are run meanwhile can be run again."""
+    before = set(sys.modules)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
+        patch.setattr(textures, "_KINDS", dict(textures._KINDS))
+        patch.setattr(accelerators, "_ACCELERATORS", dict(accelerators._ACCELERATORS))
+        patch.setattr(extensions, "_known", set(extensions._known))
+        yield
+    for name in set(sys.modules) - before:
+        if hasattr(sys.modules[name], "__tasuki_digest__"):
+            del sys.modules[name]
+
+
+@contextmanager
+def brought(*names: str) -> Iterator[list[ModuleType]]:
+    """The examples of these names, registered."""
+    with registries():
+        files = [EXAMPLES / f"{name}.py" for name in names]
+        extensions.load_extensions(files)
+        yield [load_file(file) for file in files]
