@@ -43,7 +43,7 @@ def test_all_pairs_of_nasty_scalars(first):
     agree(made, values, items, simulator="fast")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(words=st.lists(st.tuples(*[st.integers(0, 2**32 - 1)] * 2), min_size=1, max_size=8))
 def test_any_bits_through_the_microcode_of_functions(words):
     """Division, square root, sine and cosine are what the machine's arithmetic says, on any words."""

@@ -21,21 +21,21 @@ from tests.machines.test_tables import COUNT, MIXED, MIXED_TABLE, PATHS, countin
 ITEMS = 3
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(data=st.data())
 def test_random_programs(data):
     made = data.draw(random_programs(lane_operations=True))
     agree(made, data.draw(random_arguments(made, ITEMS)), ITEMS)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(data=st.data())
 def test_random_programs_with_tables(data):
     made = data.draw(random_programs(tables=True))
     agree(made, data.draw(random_arguments(made, ITEMS)), ITEMS, data.draw(random_tables(ITEMS)))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(data=st.data())
 def test_random_programs_of_subroutines_with_hardly_a_register(data):
     """Every call is a call, and most values live in memory."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,9 +17,11 @@ from tasuki.machines.pu import isa, simulate
 from tasuki.machines.pu.lower.program import ARGUMENTS, RESULTS, Lowered, ProgramLowering
 from tasuki.machines.pu.lower.text import own_rows, write
 from tasuki.machines.pu.macro import assemble
+from tasuki.machines.pu.schedule import compact
 
 Argument = Sequence[Any] | MemoryTable
 """The leaves of a value, each of shape (items,) or, where it is the same for all items, (); or a table."""
+Schedule = Literal["macro", "compact"]
 LEAST_ROWS = isa.Program.memory_rows
 """Data memory has this many rows, or a power of two times as many: a program is translated once for each size."""
 
@@ -41,17 +44,28 @@ class PUProgram:
     entry: str
 
 
-def compile_program(program: Program) -> PUProgram:
-    """Compile a verified program. Raises SourceError, with the place, where the machine cannot do what it asks for."""
+def compile_program(program: Program, schedule: Schedule = "macro") -> PUProgram:
+    """Compile a verified program. Raises SourceError, with the place, where the machine cannot do what it asks for.
+
+    `schedule`: "macro" leaves each macro as it is, "compact" lets macros overlap.
+    """
     lowered = ProgramLowering(program).lower()
     text = write(lowered)
     name = f"{lowered.entry.label} of {program.entry}"
     assembly = assemble("".join(f"{line}\n" for line in text.lines), name)
     spans = assembly.program.spans
     modules = tuple(text.modules[span.line - 1] if span else "" for span in spans)
+    words = assembly.program
+    if schedule == "compact":
+        compacted = compact(words)
+        words, modules = compacted.program, tuple(_most(modules, group) for group in compacted.sources)
     records = {key: _record(lowered, key) for key in lowered.tables}
-    tables = tuple(lowered.tables)
-    return PUProgram(assembly.source, assembly.program, modules, tables, records, own_rows(lowered), program.entry)
+    return PUProgram(assembly.source, words, modules, tuple(lowered.tables), records, own_rows(lowered), program.entry)
+
+
+def _most(modules: Sequence[str], addresses: Sequence[int]) -> str:
+    """The module from which most of a compacted microinstruction comes."""
+    return Counter(modules[address] for address in addresses).most_common(1)[0][0]
 
 
 def _record(lowered: Lowered, key: str) -> Record:
@@ -61,8 +75,8 @@ def _record(lowered: Lowered, key: str) -> Record:
 class Executable:
     """A compiled program on one processor unit. May be run any number of times."""
 
-    def __init__(self, program: Program, compiled: PUProgram | None = None) -> None:
-        self.compiled = compiled or compile_program(program)
+    def __init__(self, program: Program, schedule: Schedule = "macro") -> None:
+        self.compiled = compile_program(program, schedule)
         self.function = program.functions[program.entry]
         self.steps = np.zeros(0, np.int64)
         """Of the last run: the steps of each item."""
