@@ -5,7 +5,7 @@ Where no lane of a packet meets the sphere the walk goes on at the node's skip l
 the group; else with the next node. So no stack is needed, however deep the tree.
 """
 
-from tasuki.language import abs, any_lane, dot, f32, fma, i32, module, vec3
+from tasuki.language import abs, any_lane, f32, fma, i32, module, vec3
 from tasuki.modules.crossing import NOWHERE
 from tasuki.modules.records import ExtentNode, extent_nodes
 from tasuki.modules.search import NOTHING, hit_of, nearer_hit
@@ -17,6 +17,12 @@ That of a unit direction, the two differences, and the products of the test belo
 """
 
 
+@module
+def fused_dot(a: vec3, b: vec3) -> f32:
+    """a . b in fused operations: an extent decides only whether its content is looked at."""
+    return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z))
+
+
 @module(number=8, method="raytrace")
 def extent_intersection(centre: vec3, radius: f32, origin: vec3, direction: vec3, far: f32) -> bool:
     """Whether a ray of unit direction meets a sphere, or is in it, at some t in 0 .. `far`.
@@ -24,10 +30,14 @@ def extent_intersection(centre: vec3, radius: f32, origin: vec3, direction: vec3
     Conservative: it may say so of a ray that passes close by, or ends or begins close to the sphere; never the reverse.
     """
     to_centre = centre - origin
-    middle = dot(to_centre, direction)
-    aside = to_centre - middle * direction
+    middle = fused_dot(to_centre, direction)
+    aside = vec3(
+        fma(-middle, direction.x, to_centre.x),
+        fma(-middle, direction.y, to_centre.y),
+        fma(-middle, direction.z, to_centre.z),
+    )
     reach = fma(abs(middle) + radius, ROUNDING, radius)
-    return dot(aside, aside) <= reach * reach and middle + reach >= 0.0 and middle - reach <= far
+    return fused_dot(aside, aside) <= reach * reach and middle + reach >= 0.0 and middle - reach <= far
 
 
 @module
