@@ -310,7 +310,9 @@ def _constructed(uses: Sequence[Use], solid_class: type[Node], matrices: Sequenc
         if positions.setdefault(id(use.solid), len(solids)) == len(solids):
             solids.append(use.solid)
     constructor = CONSTRUCTORS[solid_class]
-    literals = constructor.literals(**constructor.columns(solids))
+    # What overflows here is told, with its place, when it is packed.
+    with np.errstate(all="ignore"):
+        literals = constructor.literals(**constructor.columns(solids))
     # Rows taken apart here once, for every use of a solid.
     rows = [(one.kind, list(one.values), one.inverted) for one in literals]
     form = constructor.form

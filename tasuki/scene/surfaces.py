@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.csg import PLANE, QUADRIC, Leaf
 from tasuki.scene.kinds import UNIT_MATRIX
 
@@ -53,16 +54,21 @@ class Merged:
 def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np.ndarray) -> Placed:
     """The surfaces of `leaves`, all of `kind`; `matrices` (n, 4, 4) are their own, to the scene, and `inverses` back.
 
-    Surfaces go by the transpose of the inverse.
+    Surfaces go by the transpose of the inverse. SceneError where numbers are too large or too small for that.
     """
     shape = (-1, 4) if kind == PLANE else (-1, 4, 4)
     values = np.array([leaf.values for leaf in leaves], np.float64).reshape(shape)
-    if kind == PLANE:
-        values = np.einsum("nji,nj->ni", inverses, values)
-        values = values / np.linalg.norm(values[:, :3], axis=1, keepdims=True)
-    else:
-        values = np.einsum("nji,njk,nkl->nil", inverses, values, inverses)
-        values = values / np.abs(values[:, :3, :3]).max(axis=(1, 2), keepdims=True)
+    with np.errstate(all="ignore"):
+        if kind == PLANE:
+            values = np.einsum("nji,nj->ni", inverses, values)
+            values = values / np.linalg.norm(values[:, :3], axis=1, keepdims=True)
+        else:
+            values = np.einsum("nji,njk,nkl->nil", inverses, values, inverses)
+            values = values / np.abs(values[:, :3, :3]).max(axis=(1, 2), keepdims=True)
+    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    for number in np.flatnonzero(~finite)[:1]:
+        expected = "sizes and places whose squares are within the range of float64"
+        raise SceneError(str(Diagnostic("this solid cannot be placed", leaves[number].place, expected, "infinity")))
     return Placed(_cleaned(values, kind), matrices[:, :3, 3])
 
 
