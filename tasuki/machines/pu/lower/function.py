@@ -14,7 +14,8 @@ from tasuki.diagnostics import Diagnostic, SourceError, Span
 from tasuki.ir import nodes as ir
 from tasuki.ir.ops import OPERATIONS
 from tasuki.ir.paths import at_path
-from tasuki.ir.types import BOOL, Array, Record, Table, Type, Vector
+from tasuki.ir.types import BOOL, F32, Array, Record, Table, Type, Vector
+from tasuki.machines.pu.lower.banks import ANYWHERE, banks_of_variables
 from tasuki.machines.pu.lower.code import Code, Operand, Origin, Place, Word
 from tasuki.machines.pu.lower.memory import MemoryAccess, Slot
 from tasuki.machines.pu.lower.parts import banks_of, parts, select
@@ -62,9 +63,14 @@ class BodyLowering:
         self.name = program.label_of(function.name)
         self.end = self.label("end")
         self.returned = False
+        scalars = {name: value[0] for name, value in self.values.items() if self.types[name] == F32}
+        given = {name: one.banks if isinstance(one, Place) else ANYWHERE for name, one in scalars.items()}
+        banks = banks_of_variables(function, given)
         for name, type_ in function.variables.items():
             if isinstance(type_, Array):
                 self.arrays[name] = program.array(function.name, name, type_)
+            elif name in banks:
+                self.values[name] = [self.arithmetic.fresh(banks[name])]
             else:
                 self.values[name] = [self.arithmetic.fresh(banks_of(part)) for part in parts(type_)]
 
