@@ -19,9 +19,6 @@ TWO_SIDED = 1
 INSIDE_ONLY = 2
 """Flags of a primitive, as `tasuki.modules.records` gives them."""
 
-NO_MATRIX = -1
-"""The matrix of a primitive that stands in the scene's own coordinates."""
-
 
 @dataclass(frozen=True)
 class Primitives:
@@ -112,7 +109,10 @@ def _records(
     smooth: np.ndarray | bool = False,
     owner: np.ndarray | slice = slice(None),
 ) -> tuple[PrimitiveKind, np.ndarray]:
-    """Records with their first row filled: kind, attribute, matrix, flags. `owner[i]` is the shape of record i."""
+    """Records with their first row filled: kind, attribute, matrix, flags. `owner[i]` is the shape of record i.
+
+    The frames are the first of the matrices in memory, so that textures find local coordinates; -1: none of its own.
+    """
     kind = lookup(kind_name)
     two_sided = np.array([material.shows_both_sides() for material in flat.materials], bool)
     two_sided_patch = np.array([material.shows_both_sides(smooth=True) for material in flat.materials], bool)
@@ -122,7 +122,7 @@ def _records(
     records = np.zeros(len(flags), kind.record.numpy_dtype())
     records["kind"] = kind.number
     records["attribute"] = batch.material[owner]
-    records["matrix"] = NO_MATRIX
+    records["matrix"] = batch.frame[owner]
     records["flags"] = flags
     return kind, records
 
