@@ -12,11 +12,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from functools import partial
-from statistics import median
 from typing import Any
 
 from bench.measure import ROOT, SCENES, Report, Samples, Table, alternate, ratio, require, rounds_argument, spread
-from bench.raytrace import DATABASES
+from bench.raytrace import DATABASES, milliseconds
 from tasuki.language.load import load_file
 from tasuki.renderers.options import RenderOptions
 from tasuki.renderers.raytrace import RayTracer
@@ -91,7 +90,7 @@ def cells(counts: Mapping[str, Any], building: Samples, rendering: Samples, one:
     times = [
         text
         for samples in (building, rendering)
-        for text in (f"{median(samples[one]) * 1e3:.3g}", f"{ratio(samples[one], samples[PEER]):.2f}")
+        for text in (milliseconds(samples[one]), f"{ratio(samples[one], samples[PEER]):.2f}")
     ]
     return [f"{counts['tests_per_ray']:.2f}", f"{counts['steps_per_ray']:.1f}", *times, f"{spread(rendering[one]):.0%}"]
 

@@ -1,4 +1,4 @@
-"""Bring the tables of docs/benchmarks.md up to date: `python -m bench.report`, after the benchmarks have been run.
+"""Bring the tables in docs/ up to date: `python -m bench.report`, after the benchmarks have been run.
 
 Between `<!-- results: NAME -->` and `<!-- end -->` it puts what `bench/results/NAME.json` holds.
 """
@@ -7,20 +7,24 @@ from __future__ import annotations
 
 import re
 
-from bench.measure import RESULTS, ROOT, Report, require
+from bench.measure import RESULTS, ROOT, Report
 
-DOCUMENT = ROOT / "docs" / "benchmarks.md"
+DOCUMENTS = [ROOT / "docs" / name for name in ("benchmarks.md", "accelerators.md")]
 PLACE = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def main() -> None:
     def filled(place: re.Match[str]) -> str:
-        report = Report.read(require(RESULTS / f"{place[2]}.json"))
-        return f"{place[1]}\n{markdown(report)}\n{place[3]}"
+        path = RESULTS / f"{place[2]}.json"
+        if not path.exists():
+            print(f"left as they are: the figures of bench.{place[2]}, which has not been run")
+            return place[0]
+        return f"{place[1]}\n{markdown(Report.read(path))}\n{place[3]}"
 
-    document, count = PLACE.subn(filled, DOCUMENT.read_text())
-    DOCUMENT.write_text(document)
-    print(f"{count} places of docs/{DOCUMENT.name} brought up to date")
+    for document in DOCUMENTS:
+        content, count = PLACE.subn(filled, document.read_text())
+        document.write_text(content)
+        print(f"{count} places in docs/{document.name}")
 
 
 def markdown(report: Report) -> str:
