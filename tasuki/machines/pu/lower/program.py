@@ -87,7 +87,8 @@ class ProgramLowering:
     def lower(self) -> Lowered:
         """The whole program. Raises SourceError with what the machine cannot do."""
         entry = self.program.functions[self.program.entry]
-        code = Code(origin=Origin(entry.name, entry.span))
+        # What brings arguments and takes results counts for no module.
+        code = Code(origin=Origin("", None))
         memory = MemoryAccess(Arithmetic(code))
         arguments = [(p.name, p.type) for p in entry.parameters if not isinstance(p.type, Table)]
         given = Record(ARGUMENTS, tuple(arguments)) if arguments else None
