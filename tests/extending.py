@@ -11,7 +11,8 @@ from types import ModuleType
 import pytest
 
 from tasuki.language.load import load_file
-from tasuki.renderers import accelerators, extensions
+from tasuki.renderers import accelerators
+from tasuki.renderers.extensions import load_extensions
 from tasuki.scene import kinds, textures
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -25,7 +26,6 @@ def registries() -> Iterator[None]:
         patch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
         patch.setattr(textures, "_KINDS", dict(textures._KINDS))
         patch.setattr(accelerators, "_ACCELERATORS", dict(accelerators._ACCELERATORS))
-        patch.setattr(extensions, "_known", set(extensions._known))
         yield
     for name in set(sys.modules) - before:
         if hasattr(sys.modules[name], "__tasuki_digest__"):
@@ -37,5 +37,5 @@ def brought(*names: str) -> Iterator[list[ModuleType]]:
     """The examples of these names, registered."""
     with registries():
         files = [EXAMPLES / f"{name}.py" for name in names]
-        extensions.load_extensions(files)
+        load_extensions(files)
         yield [load_file(file) for file in files]

@@ -6,6 +6,7 @@ accelerators (`tasuki.renderers.accelerators`) while it is run, once.
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,9 +17,6 @@ from tasuki.renderers.accelerators import accelerators
 from tasuki.scene.kinds import kinds
 from tasuki.scene.textures import textures
 
-_known: set[str] = set()
-"""The names under which files stand in `sys.modules` that have registered something."""
-
 
 def load_extensions(files: Iterable[str | Path]) -> None:
     """Run those of `files` that have not been run yet.
@@ -27,15 +25,15 @@ def load_extensions(files: Iterable[str | Path]) -> None:
     cannot be registered.
     """
     for file in files:
-        before = _registered()
+        before, known = _registered(), list(sys.modules.values())
         try:
             namespace = load_file(file)
         except SceneError as error:
             raise SceneError(_with_place(error, file)) from error
-        if namespace.__name__ not in _known and _registered() == before:
+        is_new = not any(namespace is one for one in known)
+        if is_new and _registered() == before:
             expected = "a call of `register`, of a kind of primitives, a texture or an accelerator"
             raise SceneError(str(Diagnostic(f"the file '{file}' registers nothing", None, expected, "none")))
-        _known.add(namespace.__name__)
 
 
 def _registered() -> int:
