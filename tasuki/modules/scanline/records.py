@@ -174,9 +174,19 @@ class Link:
 
 @record
 class Layer:
-    """A face that the span now being drawn lies in."""
+    """A face that a span lies in, and its 1 / z on the row: depth + slope * x in direction (x, y, 1)."""
 
     face: i32
+    depth: f32
+    slope: f32
+
+
+@record
+class FaceSlot:
+    """A slot of a hash table: one more than the face, and its place in `layers`; face 0: empty."""
+
+    face: i32
+    place: i32
 
 
 @record
@@ -208,4 +218,5 @@ columns = Table(Column)
 marks = Table(Mark)
 links = Table(Link)
 layers = Table(Layer)
+face_slots = Table(FaceSlot)
 visible_faces = Table(Visible)

@@ -5,11 +5,14 @@ span lies are those that were entered an odd number of times, whichever way they
 between two edges of a face is drawn with it once, without any rule for shared edges but where a row crosses them.
 """
 
-from tasuki.language import dot, i32, min, module
+from tasuki.language import f32, i32, max, min, module, record
 from tasuki.modules.records import View, views
 from tasuki.modules.scanline.active import begin_active_edges, continue_active_edges
+from tasuki.modules.scanline.layers import NOWHERE, Room, end_layers, enter_layer, find_layer, leave_layer
 from tasuki.modules.scanline.records import (
+    Edge,
     Frame,
+    Layer,
     Visible,
     columns,
     face_planes,
@@ -24,121 +27,189 @@ from tasuki.modules.scanline.records import (
 from tasuki.modules.scanline.reference import quads_across, sample_direction
 
 NOTHING = -1
+LOOK_AHEAD = 6
+"""How many more of the edges at one pixel are looked at for one that bounds the face that shows."""
 
 
-@module
-def toggle(face: i32, first: i32, end: i32) -> i32:
-    """Leave a face if the span lies in it, else enter it; the new end of the layers, which begin at `first`."""
-    place = first
-    while place < end:
-        if layers[place].face == face:
-            layers[place] = layers[end - 1]
-            return end - 1
-        place += 1
-    layers[end].face = face
-    return end + 1
+@record
+class Span:
+    """Where a row has come to. It lies in the faces of `layers` up to, not including, `end`.
 
-
-@module
-def pass_edges(edge: i32, first: i32, end: i32, alone: i32) -> tuple[i32, i32]:
-    """The layers behind all edges that are met at one pixel: their end, and the face that is alone.
-
-    A span in one face, as most are, or in none has no layers; the face, or -1, is `alone`.
+    Face `shown` is the nearest of them, at most until pixel `until`; NOTHING: not known. In one face, as most spans
+    are, or in none it has no layers: `shown` is that face, or NOTHING.
     """
-    while edge != 0:
-        passed = sorted_edges[edge - 1]
-        if end == first and (passed.first == alone or passed.second == alone):
-            # From the face on one side to that on the other, whichever is which.
-            alone = alone ^ passed.first ^ passed.second
-        else:
-            if end == first and alone != NOTHING:
-                end = toggle(alone, first, end)
-            if passed.first != NOTHING:
-                end = toggle(passed.first, first, end)
-            if passed.second != NOTHING:
-                end = toggle(passed.second, first, end)
-            if end <= first + 1:
-                alone = layers[first].face if end > first else NOTHING
-                end = first
-        edge = links[edge - 1].next
-    return end, alone
+
+    shown: i32
+    end: i32
+    until: i32
+
+
+@record
+class Row:
+    """What is the same all along a row: y of the direction to it, x of that to its first pixel, and from one pixel to
+    the next; the pixel behind its last.
+    """
+
+    y: f32
+    x: f32
+    step: f32
+    last: i32
 
 
 @module
-def nearest_face(first: i32, end: i32, column: i32, row: i32, view: View, frame: Frame) -> i32:
-    """Of the layers, the face that is nearest at a pixel; of several, that with the least number."""
-    direction = sample_direction(view, frame, column, row)
-    nearest = layers[first].face
-    height = dot(face_planes[nearest].slope, direction)
-    for place in range(first + 1, end):
-        face = layers[place].face
-        other = dot(face_planes[face].slope, direction)
-        if other > height or (other == height and face < nearest):
-            nearest = face
-            height = other
-    return nearest
+def row_of(row: i32, view: View, frame: Frame) -> Row:
+    """A row of the region."""
+    direction = sample_direction(view, frame, 0, row)
+    return Row(direction.y, direction.x, frame.pixel, 4 * quads_across(view))
 
 
 @module
-def next_edge(column: i32, first_column: i32, width: i32) -> i32:
-    """The first pixel after `column` at which an edge is met, or the end of the row."""
-    following = column + 1
-    while following < width:
-        if following & 3 == 0 and marks[first_column + following >> 2].met == 0:
-            following += 4
-        elif columns[first_column + following].edge != 0:
+def layer_of(face: i32, row: Row) -> Layer:
+    """A face as a layer of a row."""
+    slope = face_planes[face].slope
+    return Layer(face, slope.y * row.y + slope.z, slope.x)
+
+
+@module
+def is_nearer(layer: Layer, than: Layer, x: f32) -> bool:
+    """Whether a layer lies before another; at equal depth the face with the lower number does."""
+    depth = layer.depth + layer.slope * x
+    other = than.depth + than.slope * x
+    return depth > other or (depth == other and layer.face < than.face)
+
+
+@module
+def overtaken(nearest: Layer, layer: Layer, column: i32, row: Row, until: i32) -> i32:
+    """The first pixel behind `column`, before `until`, at which a layer may be before the nearest; else `until`.
+
+    1 / z is linear along a row. Rounded down, so that the faces are compared again rather too early.
+    """
+    x = row.x + row.step * f32(column)
+    gap = nearest.depth - layer.depth + (nearest.slope - layer.slope) * x
+    closing = row.step * (layer.slope - nearest.slope)
+    if gap >= closing * f32(until - column):
+        return until
+    return column + max(i32(gap / closing), 1)
+
+
+@module
+def decide(span: Span, first: i32, column: i32, row: Row) -> Span:
+    """The span with the nearest of all its layers found, and until where it is."""
+    x = row.x + row.step * f32(column)
+    nearest = layers[first]
+    for place in range(first + 1, span.end):
+        if is_nearer(layers[place], nearest, x):
+            nearest = layers[place]
+    until = row.last
+    for place in range(first, span.end):
+        if layers[place].face != nearest.face:
+            until = overtaken(nearest, layers[place], column, row, until)
+    return Span(nearest.face, span.end, until)
+
+
+@module
+def challenge(span: Span, layer: Layer, column: i32, row: Row) -> Span:
+    """The span after a face was entered: all others stay behind the one that showed for as long as was known."""
+    shown = layer_of(span.shown, row)
+    if is_nearer(layer, shown, row.x + row.step * f32(column)):
+        return Span(layer.face, span.end, overtaken(layer, shown, column, row, span.until))
+    return Span(span.shown, span.end, overtaken(shown, layer, column, row, span.until))
+
+
+@module
+def toggle(span: Span, face: i32, column: i32, row: Row, room: Room) -> Span:
+    """Leave a face if the span lies in it, else enter it."""
+    place = find_layer(face, span.end, room)
+    if place != NOWHERE:
+        leave_layer(place, span.end, room)
+        return Span(NOTHING if face == span.shown else span.shown, span.end - 1, span.until)
+    layer = layer_of(face, row)
+    enter_layer(layer, span.end, room)
+    entered = Span(span.shown, span.end + 1, span.until)
+    if span.shown == NOTHING:
+        return entered
+    return challenge(entered, layer, column, row)
+
+
+@module
+def pass_edge(span: Span, edge: Edge, column: i32, row: Row, room: Room) -> Span:
+    """The span behind an edge, by which it leaves or enters the faces on both sides, of which some are layers."""
+    passed = span
+    if span.end == room.first and span.shown != NOTHING:
+        enter_layer(layer_of(span.shown, row), span.end, room)
+        passed = Span(span.shown, span.end + 1, row.last)
+    if edge.first != NOTHING:
+        passed = toggle(passed, edge.first, column, row, room)
+    if edge.second != NOTHING:
+        passed = toggle(passed, edge.second, column, row, room)
+    if passed.end > room.first + 1:
+        return passed
+    return Span(layers[room.first].face if passed.end > room.first else NOTHING, room.first, row.last)
+
+
+@module
+def bounds(edge: i32, face: i32) -> bool:
+    """Whether an active edge bounds a face; with face NOTHING, whether it bounds one only."""
+    return sorted_edges[edge - 1].first == face or sorted_edges[edge - 1].second == face
+
+
+@module
+def bring_forward(edge: i32, face: i32) -> i32:
+    """A list of edges, with one that bounds a face before its first, if one of the next few does.
+
+    At one pixel edges stand in any order. From neighbour to neighbour a span never lies in several faces.
+    """
+    before = edge
+    for _ in range(LOOK_AHEAD):
+        following = links[before - 1].next
+        if following == 0:
+            return edge
+        if bounds(following, face):
+            links[before - 1].next = links[following - 1].next
+            links[following - 1].next = edge
             return following
-        else:
-            following += 1
-    return min(following, width)
+        before = following
+    return edge
 
 
 @module
-def nearest_until(
-    first: i32, end: i32, column: i32, row: i32, first_column: i32, view: View, frame: Frame
-) -> tuple[i32, i32]:
-    """The layer that is nearest from a pixel on, and the first pixel, at most the next edge, where another may be.
-
-    Depth is linear in 1 / z along a row: a face that is nearest at both ends of a span is nearest in all of it. Where
-    it is not, faces cross, and the last pixel where it still is is found by bisection.
-    """
-    nearest = nearest_face(first, end, column, row, view, frame)
-    known = column
-    beyond = next_edge(column, first_column, view.region_width)
-    probe = beyond - 1
-    while known + 1 < beyond:
-        if nearest_face(first, end, probe, row, view, frame) == nearest:
-            known = probe
+def pass_edges(span: Span, edge: i32, column: i32, row: Row, room: Room) -> Span:
+    """The span behind all edges that are met at one pixel."""
+    while edge != 0:
+        if span.end == room.first:
+            if not bounds(edge, span.shown):
+                edge = bring_forward(edge, span.shown)
+        passed = sorted_edges[edge - 1]
+        if span.end == room.first and (passed.first == span.shown or passed.second == span.shown):
+            # From the face on one side to that on the other, whichever is which.
+            span.shown = span.shown ^ passed.first ^ passed.second
         else:
-            beyond = probe
-        probe = known + beyond >> 1
-    return nearest, beyond
+            span = pass_edge(span, passed, column, row, room)
+        edge = links[edge - 1].next
+    if span.end > room.first and (span.shown == NOTHING or span.until <= column):
+        return decide(span, room.first, column, row)
+    return span
 
 
 @module
-def draw_row(row: i32, first: i32, first_column: i32, view: View, frame: Frame):
+def draw_row(number: i32, room: Room, first_column: i32, view: View, frame: Frame):
     """The faces that show on one row of the region, four pixels at a time; its active edges have been sorted."""
+    row = row_of(number, view, frame)
     quads = quads_across(view)
-    end = first
-    alone = NOTHING
-    shown = NOTHING
-    until = 4 * quads
+    span = Span(NOTHING, room.first, row.last)
     for quad in range(quads):
         mark = (first_column >> 2) + quad
-        four = Visible(shown, shown, shown, shown)
-        if marks[mark].met != 0 or until < 4 * quad + 4:
+        four = Visible(span.shown, span.shown, span.shown, span.shown)
+        if marks[mark].met != 0 or span.until < 4 * quad + 4:
             marks[mark].met = 0
             for column in range(4 * quad, 4 * quad + 4):
                 edge = columns[first_column + column].edge
-                if edge != 0 or column == until:
+                if edge != 0 or column == span.until:
                     columns[first_column + column].edge = 0
-                    end, alone = pass_edges(edge, first, end, alone)
-                    shown = alone
-                    until = 4 * quads
-                    if end > first:
-                        shown, until = nearest_until(first, end, column, row, first_column, view, frame)
-                four = Visible(four.b, four.c, four.d, shown)
-        visible_faces[row * quads + quad] = four
+                    span = pass_edges(span, edge, column, row, room)
+                four = Visible(four.b, four.c, four.d, span.shown)
+        visible_faces[number * quads + quad] = four
+    end_layers(span.end, room)
 
 
 @module
@@ -150,8 +221,9 @@ def draw_band(band: i32):
     bottom = min(top + (1 << frame.band_shift), view.region_height)
     first_column = band * quads_across(view) * 4
     first = row_buckets[top].begin
+    room = Room(first, 2 * (row_buckets[bottom - 1].end - first))
     end = first
     for row in range(top, bottom):
         end = continue_active_edges(first, end, row, first_column, view, frame)
         end = begin_active_edges(end, row, first_column, view, frame)
-        draw_row(row, first, first_column, view, frame)
+        draw_row(row, room, first_column, view, frame)
