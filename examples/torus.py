@@ -42,7 +42,7 @@ def zero_between(lead: f32, c: vec4, low: f32, high: f32, rises: bool) -> f32:
 
 @module
 def torus_crossings(torus: Torus, origin: vec3, direction: vec3, leaving: bool) -> vec4:
-    """Where a ray crosses the torus; what it does not cross comes as pairs of one value. `leaving`: one is exactly 0.
+    """Where a ray crosses the torus, up to four times, NOWHERE for the others. `leaving`: once at exactly 0.
 
     The zeros of a quartic, found between those of its derivative (C. Yuksel, "High-Performance Polynomial Root Finding
     for Graphics", 2022), in units of the torus, from the ray's middle; of a ray that begins on it, those of a cubic.
@@ -51,19 +51,20 @@ def torus_crossings(torus: Torus, origin: vec3, direction: vec3, leaving: bool) 
     ring, tube, along = torus.major / size, torus.minor / size, normalize(direction)
     shift = 0.0 if leaving else -dot(origin, along)
     near = (origin + shift * along) / size
-    ahead, aside = dot(near, along), 2.0 * ring * norm(vec3(near.x, near.y, 0.0))
-    half = dot(near, near) + ring * ring - tube * tube
+    ahead, aside, half = dot(near, along), 2.0 * ring * norm(vec3(near.x, near.y, 0.0)), dot(near, near) + ring - tube
     c1 = 4.0 * half * ahead - 8.0 * ring * ring * (near.x * along.x + near.y * along.y)
     c2 = 2.0 * half + 4.0 * ahead * ahead - 4.0 * ring * ring * (1.0 - along.z * along.z)
     c = vec4((half - aside) * (half + aside), c1, c2, 4.0 * ahead)
     cubic = vec4(c.y, c.z, c.w, 1.0) if leaving else 0.25 * vec4(c.y, 2.0 * c.z, 3.0 * c.w, 4.0)
     bend, bends = -cubic.z / 3.0, sqrt(max(cubic.z * cubic.z - 3.0 * cubic.y, 0.0)) / 3.0
-    low, high = zero_between(0.0, cubic, -3.0, bend - bends, True), zero_between(0.0, cubic, bend + bends, 3.0, True)
-    at = vec4(low, zero_between(0.0, cubic, bend - bends, bend + bends, False), high, 0.0)
+    x, z = zero_between(0.0, cubic, -3.0, bend - bends, True), zero_between(0.0, cubic, bend + bends, 3.0, True)
+    y, w = zero_between(0.0, cubic, bend - bends, bend + bends, False), 0.0
     if not leaving:
-        first, second = zero_between(1.0, c, -3.0, at.x, False), zero_between(1.0, c, at.x, at.y, True)
-        at = vec4(first, second, zero_between(1.0, c, at.y, at.z, False), zero_between(1.0, c, at.z, 3.0, True))
-    return (at * size + vec4(shift)) / norm(direction)
+        first, second = zero_between(1.0, c, -3.0, x, False), zero_between(1.0, c, x, y, True)
+        x, y, z, w = first, second, zero_between(1.0, c, y, z, False), zero_between(1.0, c, z, 3.0, True)
+    xy, yz, zw = x == y, y == z, z == w
+    t = vec4(select(xy, NOWHERE, x), select(xy or yz, NOWHERE, y), select(yz or zw, NOWHERE, z), select(zw, NOWHERE, w))
+    return (t * size + vec4(shift)) / norm(direction)
 
 
 @module
@@ -91,8 +92,7 @@ def torus_inside(torus: Torus, point: vec3) -> bool:
 @module
 def torus_bounds(torus: Torus) -> tuple[vec3, vec3]:
     """The corners of the box around the torus."""
-    corner = torus.major * vec3(1.0, 1.0, 0.0) + vec3(torus.minor)
-    return -corner, corner
+    return torus.major * vec3(-1, -1, 0) - vec3(torus.minor), torus.major * vec3(1, 1, 0) + vec3(torus.minor)
 
 
 tori = Table(Torus)
