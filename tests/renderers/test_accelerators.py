@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tasuki import render
 from tasuki.diagnostics import SceneError
@@ -31,6 +33,8 @@ from tasuki.scene import (
     Sphere,
     load_scene,
 )
+from tests.scene.strategies import transforms
+from tests.scene.test_extents import trees
 from tests.test_spd import SPD
 
 DATA = Path(__file__).parents[1] / "data"
@@ -97,6 +101,14 @@ def test_no_picture_shows_the_accelerator(name):
 def test_nor_does_any_of_the_standard_scenes(name):
     scene = load_scene(SPD / f"{name}.nff")
     expected, found = (traced(scene, accelerator, 29, 31) for accelerator in ("bvh", "extents"))
+    assert found.pixels().tobytes() == expected.pixels().tobytes()
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.lists(st.lists(trees, min_size=1, max_size=3).map(Group), min_size=1, max_size=3), transforms())
+def test_nor_does_any_made_at_random(groups, transform):
+    scene = Scene(CAMERA, [Group(groups, material=MIRROR).transformed(transform)], LIGHTS, (0.2, 0.3, 0.5))
+    expected, found = (traced(scene, accelerator, 40, 30) for accelerator in ("bvh", "extents"))
     assert found.pixels().tobytes() == expected.pixels().tobytes()
 
 
