@@ -14,6 +14,7 @@ from collections.abc import Callable
 from functools import partial
 from statistics import median
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -96,7 +97,8 @@ class LLVMpipe:
         os.environ["LP_NUM_THREADS"] = str(THREADS)
         import moderngl
 
-        gl = self.gl = moderngl.create_standalone_context(backend="egl")
+        settings: Any = {"backend": "egl"}
+        gl = self.gl = moderngl.create_context(standalone=True, **settings)
         if "llvmpipe" not in gl.info["GL_RENDERER"]:
             raise SystemExit(f"cannot measure: OpenGL runs on {gl.info['GL_RENDERER']}, not on llvmpipe")
         self.target = gl.framebuffer(gl.renderbuffer((SIZE, SIZE)), gl.depth_renderbuffer((SIZE, SIZE)))
@@ -104,13 +106,13 @@ class LLVMpipe:
         gl.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         program = gl.program(VERTEX_SHADER, FRAGMENT_SHADER)
         for name, value in self.uniforms().items():
-            program[name].value = value
+            program[name] = value
         vertices = gl.buffer(np.concatenate([points, normals], axis=1).astype("f4").tobytes())
         indices = gl.buffer(corners.astype("i4").tobytes())
         self.mesh = gl.vertex_array(program, [(vertices, "3f 3f", "position", "normal")], indices)
 
     @staticmethod
-    def uniforms() -> dict[str, object]:
+    def uniforms() -> dict[str, Any]:
         """The camera, the lamp and the material, as the scene has them."""
         near, far = 1.0, 10.0
         scale = 1.0 / np.tan(np.radians(CAMERA.angle) / 2.0)
