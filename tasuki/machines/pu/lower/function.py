@@ -62,6 +62,7 @@ class BodyLowering:
         self.loops: list[_Loop] = []
         self.name = program.label_of(function.name)
         self.end = self.label("end")
+        self.tail = _only_return(function.body)
         self.returned = False
         scalars = {name: value[0] for name, value in self.values.items() if self.types[name] == F32}
         given = {name: one.banks if isinstance(one, Place) else ANYWHERE for name, one in scalars.items()}
@@ -126,6 +127,8 @@ class BodyLowering:
             case ir.Return(value):
                 if value is not None:
                     self.set(self.results, self.value(value, self.single(self.results)))
+                if node is self.tail:
+                    return True
                 self.returned = True
                 self.code.jump(self.end)
                 return False
@@ -365,6 +368,24 @@ class BodyLowering:
 
     def refusal(self, message: str, span: Span | None) -> SourceError:
         return SourceError([Diagnostic(f"{message} (in `{self.function.name}`)", span or self.function.span)])
+
+
+def _only_return(body: Sequence[ir.Statement]) -> ir.Statement | None:
+    """The last statement, if it is the body's only `Return`: control goes on behind it by itself."""
+    last = body[-1] if body else None
+    return last if isinstance(last, ir.Return) and sum(map(_returns, body)) == 1 else None
+
+
+def _returns(node: ir.Statement) -> int:
+    """How often `Return` stands in a statement."""
+    match node:
+        case ir.Return():
+            return 1
+        case ir.If(_, then, orelse):
+            return sum(map(_returns, (*then, *orelse)))
+        case ir.Loop(_, body, setup, step):
+            return sum(map(_returns, (*setup, *body, *step)))
+    return 0
 
 
 def element_record(array: Array) -> Record:

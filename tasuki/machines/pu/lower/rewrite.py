@@ -145,7 +145,7 @@ def _frame_row(spilled: Spilled) -> Word:
 
 
 def _without_idle(items: Sequence[FinalItem]) -> list[FinalItem]:
-    """Without copies from a register to itself, and without jumps to what comes next."""
+    """Without copies from a register to itself, jumps to what comes next, and labels to which nothing goes."""
     kept: list[FinalItem] = []
     for item in items:
         if isinstance(item, Final) and item.name.startswith("move") and item.operands[0] == item.operands[1]:
@@ -155,7 +155,8 @@ def _without_idle(items: Sequence[FinalItem]) -> list[FinalItem]:
             if last is not None and _jumps_to(kept[last], item.name):
                 del kept[last]
         kept.append(item)
-    return kept
+    wanted = {one.text for item in kept if isinstance(item, Final) for one in item.operands if isinstance(one, Word)}
+    return [item for item in kept if isinstance(item, Final) or item.name in wanted]
 
 
 def _jumps_to(item: FinalItem, label: str) -> bool:
