@@ -9,7 +9,7 @@ import re
 
 from bench.measure import RESULTS, ROOT, Report
 
-DOCUMENTS = [ROOT / "docs" / name for name in ("benchmarks.md", "accelerators.md")]
+DOCUMENTS = [ROOT / "docs" / name for name in ("benchmarks.md", "accelerators.md", "extending.md")]
 PLACE = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
