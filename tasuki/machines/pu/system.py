@@ -1,157 +1,187 @@
-"""The system: a control processor (CP) and N processor units (PUs), by arithmetic on the steps of each piece of work.
+"""A control processor (CP) with N processor units: how a picture's work is spread, and where units wait.
 
-The pieces (pixels, in groups that are handed out together) do not depend on each other, so that what one costs is known
-from running it on one simulated PU. From these steps `run` finds when each PU does what, in one clock:
+What each pixel costs is known from running its microcode; this is arithmetic on those step counts, event by event. The
+CP broadcasts the scene to all units at once, a few rows a step. Then the units work:
 
-1. The CP sends the scene, one row to all PUs at a time. No PU begins before it has all of it.
-2. *Static* distribution: group g belongs to PU g mod N, which knows so by itself. *Dynamic*: a PU that has nothing to do
-   asks the CP for the next group; the CP answers one request at a time, in the order in which they come (of those that
-   come in one step, the PU of the lowest number first).
-3. A pixel that is computed goes to the display memory, which takes one at a time, in the order in which they come. Its
-   PU waits until it is taken.
+- **interleaved**: unit p computes the work p, p + N, p + 2N, ... without asking;
+- **dynamic**: a unit that is free asks the CP for the next piece of work; the CP answers one request at a time.
 
-The picture is complete when the last pixel is in the display memory. The paper does not say how work is distributed, nor
-how fast its buses are: the figures of `System` are ours. PUs have scenes of their own, so that they never wait for each
-other's memory.
+A piece of work is a run of pixels. When it is done the unit sends its pixels to the display memory, whose bus serves
+one unit at a time, first come, first served (at one time the lower number first); the unit waits meanwhile.
+
+Known inaccuracies: a unit sends the pixels of a piece together at its end, where real ones would send each when it is
+ready; requests and answers have no latency beyond the CP's own steps.
 """
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-Distribution = Literal["static", "dynamic"]
+from tasuki.diagnostics import MachineError
+
+Distribution = Literal["interleaved", "dynamic"]
 Steps = npt.NDArray[np.int64]
+CLOCK = 5_000_000
+"""Steps in a second: what the paper's time gives a horizontal machine with single-chip floating-point units (ours)."""
+MOST_UNITS = 1 << 12
 
 
 @dataclass(frozen=True)
 class System:
-    """The machine around N processor units; times in steps of a PU."""
+    """The machine around the processor units. Times are in steps of their common clock."""
 
-    units: int = 1
-    """N, the number of PUs."""
+    units: int = 16
     distribution: Distribution = "dynamic"
-    row_steps: int = 1
-    """For each row of the scene that the CP sends to all PUs: four words."""
-    request_steps: int = 16
-    """Of the CP, to answer a request for work."""
-    display_steps: int = 4
-    """Of the display memory, to take a pixel: four words, one in each step."""
+    pixels: int = 1
+    """Pixels in a piece of work."""
+    scene_rows: int = 0
+    """Rows of memory that every unit needs before it begins."""
+    rows_per_step: int = 1
+    """Rows that the CP broadcasts in a step."""
+    request: int = 16
+    """Steps that the CP takes for one request."""
+    display: int = 1
+    """Steps that the display memory's bus takes for one pixel."""
+    clock: float = CLOCK
+
+    def __post_init__(self) -> None:
+        least = {"units": 1, "pixels": 1, "scene_rows": 0, "rows_per_step": 1, "request": 0, "display": 0}
+        for name, low in least.items():
+            value = getattr(self, name)
+            if value < low or (name == "units" and value > MOST_UNITS):
+                limits = f"{low} to {MOST_UNITS}" if name == "units" else f"at least {low}"
+                raise MachineError(f"{name}: expected {limits}, found {value}")
+        if self.distribution not in ("interleaved", "dynamic"):
+            raise MachineError(f"distribution: expected interleaved or dynamic, found {self.distribution!r}")
+        if not self.clock > 0:
+            raise MachineError(f"clock: expected a number of steps a second, found {self.clock}")
+
+    @property
+    def broadcast(self) -> int:
+        """Steps until every unit has the scene."""
+        return -(-self.scene_rows // self.rows_per_step)
 
 
 @dataclass(frozen=True)
-class Timelines:
-    """What each PU did, and when; arrays of a number for each PU, in steps, unless stated otherwise."""
+class Stretch:
+    """What a unit did from step `start` to step `end`: it worked, or waited for the CP or for the display memory."""
 
-    broadcast: int
-    """Until this step all PUs receive the scene."""
-    work: Steps
-    """Computing pixels."""
-    request_wait: Steps
-    """Asking the CP for work, and waiting for its answer."""
-    display_wait: Steps
-    """Giving pixels to the display memory, and waiting for it."""
-    finish: Steps
-    """The step in which the PU has nothing to do any more."""
-    owner: npt.NDArray[np.int32]
-    """For each pixel the PU that computed it."""
-    start: Steps
-    """For each pixel the step in which its computation began."""
+    start: int
+    end: int
+    what: Literal["work", "request", "display"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture. For each unit the steps that it worked, and that it waited for the CP and the display memory.
+
+    `total` is when the last pixel stands in the display memory, from the beginning of the broadcast on; a unit that is
+    done before waits for the end. `timelines` is filled where it was asked for.
+    """
+
+    system: System
+    pixels: int
+    total: int
+    worked: Steps
+    waited_request: Steps
+    waited_display: Steps
+    timelines: tuple[tuple[Stretch, ...], ...] = ()
 
     @property
-    def makespan(self) -> int:
-        """T(N): steps from the first row of the scene to the last pixel."""
-        return int(self.finish.max())
+    def seconds(self) -> float:
+        """The picture's time at the system's clock."""
+        return self.total / self.system.clock
 
     @property
-    def idle(self) -> Steps:
-        """For each PU the steps for which it waited, at the end, for the last one to finish."""
-        return self.makespan - self.finish
+    def busy_share(self) -> float:
+        """The share of all units' time, 0 to 1, in which they worked."""
+        return float(self.worked.sum()) / (self.system.units * self.total) if self.total else 1.0
+
+    @property
+    def display_binds(self) -> bool:
+        """Whether the bus of the display memory was busy for nine tenths of the time, or more, after the broadcast."""
+        return self.pixels * self.system.display >= 0.9 * (self.total - self.system.broadcast) > 0
 
 
-def run(system: System, steps: Sequence[int] | Steps, group_ends: Sequence[int] | Steps, scene_rows: int) -> Timelines:
-    """The timelines of a picture.
-
-    `steps`: of each pixel, in the order in which pixels are handed out; `group_ends[g]`: the number of pixels in groups
-    0 to g, at least one in each; `scene_rows`: rows that are sent to the PUs.
-    """
-    return _Run(system, np.asarray(steps, np.int64), [0, *map(int, group_ends)], scene_rows).timelines()
+def draw(steps: Sequence[int] | Steps, system: System, *, timelines: bool = False) -> Frame:
+    """A picture whose pixel i, in the order in which pixels are handed out, costs `steps[i]` steps."""
+    return _Run(np.asarray(steps, np.int64), system, timelines).run()
 
 
-def efficiency(alone: Timelines, together: Timelines) -> float:
-    """T(1) / (N T(N)): the share of N PUs' time that one PU would have needed."""
-    return alone.makespan / (len(together.finish) * together.makespan)
-
-
-def saturation(system: System, pixels: int, groups: int, steps: int) -> dict[str, float | None]:
-    """The numbers of PUs from which the display memory, and the CP's answers, would hold all of them up.
-
-    A picture of `pixels` in `groups` costs one PU `steps` of computing; with more PUs than this the display memory (or
-    the CP) is busy all the time. None where there is nothing to wait for.
-    """
-    display = pixels * system.display_steps
-    control = groups * system.request_steps if system.distribution == "dynamic" else 0
-    alone = steps + display + control
-    return {
-        "display_memory": alone / display if display else None,
-        "control_processor": alone / control if control else None,
-    }
+def efficiency(steps: Sequence[int] | Steps, system: System) -> float:
+    """T(1) / (N T(N)), each with its broadcast, its requests and its waiting for the display memory."""
+    alone = draw(steps, replace(system, units=1)).total
+    return alone / (system.units * draw(steps, system).total)
 
 
 class _Run:
-    """One picture: events in the order of time, each the end of a pixel's computation."""
+    """Events in the order of their time: a unit's pixels are ready; it sends them, and begins the next piece.
 
-    def __init__(self, system: System, steps: Steps, ends: list[int], scene_rows: int) -> None:
+    The bus serves units in the order in which they are ready, so that they also ask the CP in this order.
+    """
+
+    def __init__(self, steps: Steps, system: System, timelines: bool) -> None:
         self.system = system
-        self.steps = steps.tolist()
-        self.groups = list(pairwise(ends))
-        self.broadcast = scene_rows * system.row_steps
-        units = system.units
-        self.given = 0
-        self.own = [range(unit, len(self.groups), units).__iter__() for unit in range(units)]
-        self.control_free = self.display_free = self.broadcast
-        self.work, self.request_wait, self.display_wait = [0] * units, [0] * units, [0] * units
-        self.finish = [self.broadcast] * units
-        self.owner, self.start = [0] * len(self.steps), [0] * len(self.steps)
-        self.events: list[tuple[int, int, int, int]] = []
-        """(step, PU, pixel, end of its group): when the pixel is computed."""
+        starts = range(0, len(steps), system.pixels)
+        self.work = np.add.reduceat(steps, starts).tolist() if len(steps) else []
+        self.sizes = [min(system.pixels, len(steps) - start) for start in starts]
+        self.pixels = len(steps)
+        self.next = 0
+        self.own = list(range(system.units))
+        self.cp_free = self.bus_free = system.broadcast
+        self.worked, self.waited_request, self.waited_display = (np.zeros(system.units, np.int64) for _ in range(3))
+        self.stretches: list[list[Stretch]] | None = [[] for _ in range(system.units)] if timelines else None
 
-    def timelines(self) -> Timelines:
-        for unit in range(self.system.units):
-            self.next_group(unit, self.broadcast)
-        while self.events:
-            now, unit, pixel, end = heapq.heappop(self.events)
-            self.display_free = max(now, self.display_free) + self.system.display_steps
-            self.display_wait[unit] += self.display_free - now
-            if pixel + 1 < end:
-                self.compute(unit, self.display_free, pixel + 1, end)
-            else:
-                self.next_group(unit, self.display_free)
-        counts = (self.work, self.request_wait, self.display_wait, self.finish)
-        arrays = [np.array(count, np.int64) for count in counts]
-        return Timelines(self.broadcast, *arrays, np.array(self.owner, np.int32), np.array(self.start, np.int64))
+    def run(self) -> Frame:
+        begin = self.system.broadcast
+        events = [(begin, unit, -1) for unit in range(self.system.units)]
+        total = begin
+        while events:
+            time, unit, piece = heapq.heappop(events)
+            if piece >= 0:
+                time = self.send(time, unit, piece)
+                total = max(total, time)
+            taken = self.take(unit)
+            if taken is not None:
+                ready = self.begin(time, unit, taken)
+                heapq.heappush(events, (ready, unit, taken))
+        timelines = tuple(map(tuple, self.stretches)) if self.stretches is not None else ()
+        waits = (self.worked, self.waited_request, self.waited_display)
+        return Frame(self.system, self.pixels, total, *waits, timelines)
 
-    def next_group(self, unit: int, now: int) -> None:
-        """The PU goes on with a new group, if there is one."""
-        self.finish[unit] = now
-        if self.system.distribution == "static":
-            group = next(self.own[unit], None)
-            if group is not None:
-                self.compute(unit, now, *self.groups[group])
-        elif self.given < len(self.groups):
-            self.control_free = max(now, self.control_free) + self.system.request_steps
-            self.request_wait[unit] += self.control_free - now
-            self.compute(unit, self.control_free, *self.groups[self.given])
-            self.given += 1
+    def take(self, unit: int) -> int | None:
+        """The number of the unit's next piece of work."""
+        if self.system.distribution == "dynamic":
+            piece = self.next
+            self.next += 1
+        else:
+            piece = self.own[unit]
+            self.own[unit] += self.system.units
+        return piece if piece < len(self.work) else None
 
-    def compute(self, unit: int, now: int, pixel: int, end: int) -> None:
-        steps = self.steps[pixel]
-        self.owner[pixel], self.start[pixel] = unit, now
-        self.work[unit] += steps
-        heapq.heappush(self.events, (now + steps, unit, pixel, end))
+    def begin(self, time: int, unit: int, piece: int) -> int:
+        """When the piece is computed, by a unit that is free at `time`."""
+        if self.system.distribution == "dynamic":
+            self.cp_free = max(time, self.cp_free) + self.system.request
+            self.note(unit, time, self.cp_free, "request")
+            time = self.cp_free
+        self.note(unit, time, time + self.work[piece], "work")
+        return time + self.work[piece]
+
+    def send(self, time: int, unit: int, piece: int) -> int:
+        """When the piece's pixels, ready at `time`, are in the display memory."""
+        self.bus_free = max(time, self.bus_free) + self.sizes[piece] * self.system.display
+        self.note(unit, time, self.bus_free, "display")
+        return self.bus_free
+
+    def note(self, unit: int, start: int, end: int, what: Literal["work", "request", "display"]) -> None:
+        sums = {"work": self.worked, "request": self.waited_request, "display": self.waited_display}
+        sums[what][unit] += end - start
+        if self.stretches is not None and end > start:
+            self.stretches[unit].append(Stretch(start, end, what))
