@@ -8,14 +8,15 @@ comparison of their coefficients. Answers that errors of float32 could change ar
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tasuki.scene.csg import PLANE, Leaf, Tree
 
-SAME = 1e-9
-"""Coefficients of one surface, brought here through different matrices, differ by less than this."""
+SAME = 2e-6
+"""Relative difference of coefficients below which surfaces are one; those that tests tell apart differ by far more."""
 ERROR = 2.0**-20
 """Relative error, with room to spare, of the place of a surface and of a point in float32."""
 
@@ -34,24 +35,28 @@ class Hits:
 
 
 class Oracle:
-    """A formula, ready to be asked. `leaves` are its literals in the order of its text."""
+    """A formula, ready to be asked. `leaves` are its literals in the order of its text.
 
-    def __init__(self, root: Tree) -> None:
+    Where its surfaces coincide with `known` ones, of other formulas, they are those.
+    """
+
+    def __init__(self, root: Tree, known: Sequence[np.ndarray] = ()) -> None:
         self.root = root
         self.leaves: list[Leaf] = list(_leaves(root))
         self.surfaces: list[np.ndarray] = []
-        self._sides = {id(leaf): self._canonical(leaf) for leaf in self.leaves}
+        self._sides = {id(leaf): self._canonical(leaf, known) for leaf in self.leaves}
         self._places = {id(leaf): place for place, leaf in enumerate(self.leaves)}
 
-    def _canonical(self, leaf: Leaf) -> tuple[int, bool]:
+    def _canonical(self, leaf: Leaf, known: Sequence[np.ndarray]) -> tuple[int, bool]:
         """The number of a leaf's surface, and whether the leaf is IN where that surface's value is negative."""
         values = placed(leaf)
-        for number, known in enumerate(self.surfaces):
-            for turned in (False, True):
-                if np.abs(known - (-values if turned else values)).max() < SAME * np.abs(known).max():
-                    return number, leaf.inverted == turned
-        self.surfaces.append(values)
-        return len(self.surfaces) - 1, not leaf.inverted
+        for number, surface in enumerate(self.surfaces):
+            if (turned := _turned(surface, values)) is not None:
+                return number, leaf.inverted == turned
+        elsewhere = ((surface, _turned(surface, values)) for surface in known)
+        surface, turned = next((pair for pair in elsewhere if pair[1] is not None), (values, False))
+        self.surfaces.append(surface)
+        return len(self.surfaces) - 1, leaf.inverted == turned
 
     def surface_of(self, place: int) -> int:
         """The number of the surface of the leaf at `place` in the text."""
@@ -136,7 +141,15 @@ def placed(leaf: Leaf) -> np.ndarray:
     return values / size
 
 
-def _leaves(root: Tree):
+def _turned(surface: np.ndarray, other: np.ndarray) -> bool | None:
+    """Whether two surfaces that coincide have their insides on opposite sides; None where they do not."""
+    for turned in (False, True):
+        if np.abs(surface - (-other if turned else other)).max() < SAME * np.abs(surface).max():
+            return turned
+    return None
+
+
+def _leaves(root: Tree) -> Iterator[Leaf]:
     waiting = [root]
     while waiting:
         node = waiting.pop()
@@ -146,7 +159,8 @@ def _leaves(root: Tree):
             waiting += reversed(node.children)
 
 
-def _evaluated(node: Tree, value) -> np.ndarray:
+def _evaluated(node: Tree, value: Callable[[Leaf], np.ndarray]) -> np.ndarray:
+    """A formula's value, given those of its literals."""
     if isinstance(node, Leaf):
         return value(node)
     join = np.logical_or if node.operation == "union" else np.logical_and

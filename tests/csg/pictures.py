@@ -52,11 +52,13 @@ def expected(scene: Scene, size: tuple[int, int] = (SIDE, SIDE)) -> tuple[np.nda
     """
     flat = flatten(Scene(scene.camera, [Union((node,)) for node in scene.shapes]))
     origin, direction = eye_rays(scene.camera, size)
+    known: list[np.ndarray] = []
     nearest, doubt = np.full(len(origin), FAR), np.zeros(len(origin))
     colour = np.tile(np.array(scene.background), (len(origin), 1))
     decided = np.ones(len(origin), bool)
     for thing in flat.objects:
-        oracle = Oracle(thing.root)
+        oracle = Oracle(thing.root, known)
+        known += oracle.surfaces
         hits = oracle.first_hits(origin, direction)
         ahead = nearest - np.minimum(hits.t, FAR)
         # Who comes first is decided where the two are apart, or at one t.
