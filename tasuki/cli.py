@@ -141,8 +141,19 @@ def render(
     ] = None,
     with_files: WithFiles = None,
     unchecked: Annotated[bool, typer.Option(help="Do not check your modules' accesses to tables.")] = False,
+    pus: Annotated[int, typer.Option(metavar="N", help="Machine pu: processor units.")] = 1,
+    schedule: Annotated[
+        str, typer.Option(metavar="macro|compact", help="Machine pu: each macro on its own, or overlapping.")
+    ] = "compact",
+    clock: Annotated[float, typer.Option(metavar="MHZ", help="Machine pu: million steps a second.")] = 5.0,
+    distribution: Annotated[
+        str, typer.Option(metavar="static|dynamic", help="Machine pu: how processor units come by their work.")
+    ] = "dynamic",
+    work: Annotated[
+        str, typer.Option(metavar="pixels|scanlines", help="Machine pu: what is given to a unit at a time.")
+    ] = "pixels",
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write counts and timings.")] = None,
-    profile: Annotated[bool, typer.Option("--profile", help="Show the cycles of each module. One thread.")] = False,
+    profile: Annotated[bool, typer.Option("--profile", help="Show the cycles, or steps, of each module.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     debug: Debug = False,
 ) -> None:
@@ -160,6 +171,11 @@ def render(
         "threads": threads,
         "unchecked": unchecked,
         "profile": profile,
+        "pus": pus,
+        "schedule": schedule,
+        "clock": clock,
+        "distribution": distribution,
+        "work": work,
         "count": stats is not None,
     }
     with reported(debug):
@@ -175,7 +191,7 @@ def _render(scene: Path, out: Path, stats: Path | None, arguments: dict[str, Any
     from tasuki.renderers.files import write_file
     from tasuki.renderers.render import Interrupted
     from tasuki.renderers.render import render as render_scene
-    from tasuki.terminal import ProgressDisplay, print_profile, summary
+    from tasuki.terminal import ProgressDisplay, print_profile, print_pu_profile, summary
 
     try:
         with ProgressDisplay(shown=not quiet) as progress:
@@ -191,7 +207,9 @@ def _render(scene: Path, out: Path, stats: Path | None, arguments: dict[str, Any
     picture.stats["seconds"]["total"] = process_seconds()
     if stats:
         write_file(stats, json.dumps(picture.stats, indent=2).encode() + b"\n")
-    if arguments["profile"]:
+    if arguments["profile"] and picture.stats["pu"]:
+        print_pu_profile(picture.stats["pu"])
+    elif arguments["profile"]:
         print_profile(picture.stats["profile"])
     if not quiet:
         print(summary(out, picture.width, picture.height, picture.stats))

@@ -156,6 +156,40 @@ def print_profile(rows: Sequence[dict[str, Any]]) -> None:
     print_table("cycles include the modules called, own shares do not; one thread", columns, table, columns[1:])
 
 
+def print_pu_profile(content: dict[str, Any]) -> None:
+    """Where the steps of a picture on processor units went: the units of one of them, the PUs together, the modules."""
+    per_pixel = content["steps_per_pixel"]
+    print(f"schedule {content['schedule']}: {content['words']:,} microinstructions")
+    print(f"{content['steps']:,} steps; a pixel takes {per_pixel['min']:,} to {per_pixel['max']:,}", end=", ")
+    print(f"{per_pixel['mean']:,.0f} on average")
+    busy = ", ".join(f"{unit} {share:.0%}" for unit, share in content["busy"].items())
+    print(f"busy: {content['fpp_busy']:.2f} of 4 FPPs; {busy}")
+    print(f"{content['pus']:,} PUs, {content['distribution']} distribution of {content['work']}: ", end="")
+    print(f"{content['makespan']:,} steps, efficiency {content['efficiency']:.2%}, ", end="")
+    print(f"{content['seconds']:.3g} s at {content['clock_megahertz']:g} MHz")
+    room = content["makespan"] * content["pus"]
+    spent = {"broadcast": content["broadcast"] / content["makespan"]}
+    spent |= {name: sum(steps) / room for name, steps in content["units"].items()}
+    spent["idle"] = 1.0 - sum(spent.values())
+    print(f"of the PUs' time: {', '.join(f'{name} {share:.2%}' for name, share in spent.items())}")
+    for name, units in content["saturating_units"].items():
+        if units is not None:
+            print(f"from {units:,.0f} PUs on the {name.replace('_', ' ')} holds them up")
+    columns = ["module", "words", "steps", "share", "busy FPPs"]
+    table = [
+        [
+            row["module"].removeprefix("tasuki.modules.") or "(from pixel to pixel)",
+            f"{row['words']:,}",
+            f"{row['steps']:,}",
+            f"{row['share']:.1%}",
+            f"{row['fpp_busy']:.2f}",
+        ]
+        for row in content["modules"]
+        if row["steps"]
+    ]
+    print_table("", columns, table, columns[1:])
+
+
 def print_info(content: dict[str, Any]) -> None:
     """What is in a scene, as `tasuki.scene.info.info` gives it."""
     camera, bounds = content["camera"], content["bounds"]

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from numbers import Integral
+from numbers import Integral, Real
+from typing import Literal, get_args
 
-from tasuki.diagnostics import SceneError
+from tasuki.diagnostics import Diagnostic, SceneError
 
 LARGEST_SIDE = 65535
 """A pixel's row and column share one 32-bit word."""
+MOST_UNITS = 4096
+"""Processor units."""
+Schedule = Literal["macro", "compact"]
+Distribution = Literal["static", "dynamic"]
+Work = Literal["pixels", "scanlines"]
 MOST_PIXELS = 1 << 27
 """They take 32 bytes each of a memory of 8 GiB, half of which is left for the scene."""
 
@@ -30,8 +36,11 @@ class RenderOptions:
 
     `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0:
     one for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
-    `machine`: "cpu" or "python". `accelerator`: one of `tasuki.renderers.accelerators`. `count`: afterwards the search
-    is counted (`tasuki.renderers.search_counts`).
+    `machine`: "cpu", "python" or "pu". For the latter `pus` is the number of processor units, `schedule` how their
+    microcode is laid out, `clock` their steps in a second, in millions, and `distribution` how they come by their
+    `work`: static (interleaved) or dynamic, a pixel or a row of them at a time.
+    `accelerator`: one of `tasuki.renderers.accelerators`. `count`: afterwards the search is counted
+    (`tasuki.renderers.search_counts`).
     """
 
     width: int = 512
@@ -45,6 +54,11 @@ class RenderOptions:
     count: bool = False
     machine: str = "cpu"
     accelerator: str = "bvh"
+    pus: int = 1
+    schedule: Schedule = "compact"
+    clock: float = 5.0
+    distribution: Distribution = "dynamic"
+    work: Work = "pixels"
 
     def __post_init__(self) -> None:
         for name, least, most in (
@@ -53,10 +67,12 @@ class RenderOptions:
             ("samples", 1, 1 << 20),
             ("depth", 1, 1 << 20),
             ("threads", 0, 1 << 10),
+            ("pus", 1, MOST_UNITS),
         ):
             value = getattr(self, name)
             if not (isinstance(value, Integral) and least <= int(value) <= most):
                 raise SceneError(f"error: {name} is out of range\n  expected: {least} to {most}\n  found: {value}")
+        self._check_processor_units()
         object.__setattr__(self, "threads", self.threads or os.cpu_count() or 1)
         region = self.region
         if not all(isinstance(value, Integral) for value in (region.x, region.y, region.width, region.height)):
@@ -77,4 +93,20 @@ class RenderOptions:
                 "error: the region is not a part of the picture\n"
                 f"  expected: X,Y,WIDTH,HEIGHT within {self.width}x{self.height}\n"
                 f"  found: {region.x},{region.y},{region.width},{region.height}"
+            )
+
+    def _check_processor_units(self) -> None:
+        for name, known in (
+            ("schedule", get_args(Schedule)),
+            ("distribution", get_args(Distribution)),
+            ("work", get_args(Work)),
+        ):
+            value = getattr(self, name)
+            if value not in known:
+                raise SceneError(
+                    str(Diagnostic(f"unknown {name} {value!r}", expected=", ".join(known), found=repr(value)))
+                )
+        if not (isinstance(self.clock, Real) and 0 < self.clock < float("inf")):
+            raise SceneError(
+                str(Diagnostic("the clock is out of range", expected="more than 0", found=str(self.clock)))
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import ExitStack
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.prepared import UNBOUNDED, PreparedScene
 from tasuki.scene.model import Scene
 from tasuki.scene.pack import Packed
+
+if TYPE_CHECKING:
+    from tasuki.renderers.pu import MicrocodeTracer
 
 ERROR_BOUND = 2.0**-21
 """Of the fused slab test, relative to the largest coordinate: roundings of 2**-24 on distances of twice that size."""
@@ -50,7 +53,7 @@ class RayTracer:
             modules,
             accelerator=self.accelerator,
             unchecked=options.unchecked,
-            profile=options.profile,
+            profile=options.profile and options.machine == "cpu",
         )
         self.scene = self.prepared.packed.scene
         self.memory = self.prepared.memory
@@ -59,7 +62,11 @@ class RayTracer:
         self.nodes = self._build_accelerator()
         # Compiling the builder is no part of building: a second scene would not wait for it.
         self.seconds["build"] = perf_counter() - started - (REPORT.seconds - compiling)
-        self.program = self.prepared.compile(raytrace.trace_pixel, "items")
+        self.microcode: MicrocodeTracer | None = None
+        if options.machine == "pu":
+            self.microcode = self._microcode()
+        else:
+            self.program = self.prepared.compile(raytrace.trace_pixel, "items")
 
     # --- making ready -------------------------------------------------------------------------------------------------
 
@@ -105,6 +112,11 @@ class RayTracer:
         arguments = [Same([len(boxes)]), Same([float(size) * ERROR_BOUND])]
         return int(builder.run(arguments, 1, tables=self.prepared.tables())[0][0])
 
+    def _microcode(self) -> MicrocodeTracer:
+        from tasuki.renderers.pu import MicrocodeTracer
+
+        return MicrocodeTracer(raytrace.trace_pixel, self.prepared, self.options)
+
     # --- rendering ----------------------------------------------------------------------------------------------------
 
     def render(self, progress: Progress | None = None) -> np.ndarray:
@@ -115,7 +127,9 @@ class RayTracer:
         region = self.options.region
         places = pixel_places(region)
         started = perf_counter()
-        if self.options.machine == "python":
+        if self.microcode:
+            self.microcode.trace(places, progress)
+        elif self.options.machine == "python":
             self._trace_plainly(places, progress)
         else:
             self._trace_packets(places, progress)

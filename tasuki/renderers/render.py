@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 
 METHODS = {"raytrace": True, "scanline": True}
 """The methods, and whether this version has them."""
-MACHINES = {"cpu": True, "python": True, "pu": False, "gpu": False}
+MACHINES = {"cpu": True, "python": True, "pu": True, "gpu": False}
 """The machines, and whether this version has them."""
+PROFILED = ("cpu", "pu")
+"""The machines that can say what each module cost."""
 
 Progress = Callable[[str, float | None], None]
 """Called now and then with what is being done ("loading", "preparing", "rendering"), and the share of it done, 0..1."""
@@ -58,6 +60,11 @@ def render(
     unchecked: bool = False,
     profile: bool = False,
     count: bool = False,
+    pus: int = 1,
+    schedule: str = "compact",
+    clock: float = 5.0,
+    distribution: str = "dynamic",
+    work: str = "pixels",
     progress: Progress | None = None,
 ) -> Picture:
     """A picture of a scene, or of the scene in a file.
@@ -68,11 +75,14 @@ def render(
     of it that is rendered, counted from the upper left corner. `samples` rays go through each pixel, and `depth`
     generations of rays are followed, the eye ray counted. `threads`: by default one for each processor; their number
     does not change the picture. `machine` "python" runs the modules' own source, one pixel after another: slow, and
-    open to any debugger; the picture is the same. `modules` fills sockets, by name, with modules of yours, given as
-    they are or as "FILE.py:NAME". `with_files` are run first: they register solids, textures and accelerators of yours.
-    `accelerator` keeps the search for hits short; it does not change the picture. Where modules of yours take part,
-    accesses to tables are checked unless `unchecked`. `profile` times modules, on one thread. `count`: afterwards some
-    pixels are traced once more, to count the intersection tests and the steps that a ray takes (`stats["search"]`, see
+    open to any debugger; the picture is the same. `machine` "pu" is the paper's: `pus` processor units, simulated, of
+    `clock` million steps a second; the `schedule` of their microcode is "macro" or "compact", the `distribution` of
+    "pixels" or "scanlines", their `work`, "static" or "dynamic" (docs/pu-manual.md). `modules` fills sockets, by name,
+    with modules of yours, given as they are or as "FILE.py:NAME". `with_files` are run first: they register solids,
+    textures and accelerators of yours. `accelerator` keeps the search for hits short; it does not change the picture.
+    Where modules of yours take part, accesses to tables are checked unless `unchecked`. `profile` tells what modules
+    cost: on the CPU it times them, on one thread. `count`: afterwards some pixels are traced once more, by the CPU, to
+    count the intersection tests and the steps that a ray takes (`stats["search"]`, see
     `tasuki.renderers.search_counts`).
 
     `Picture.stats` tells what was made of what, how many rays were sent, and where the time went. Raises SceneError,
@@ -81,8 +91,12 @@ def render(
     started = perf_counter()
     _check_known("method", method, METHODS)
     _check_known("machine", machine, MACHINES)
-    if profile and machine != "cpu":
-        raise SceneError(str(Diagnostic("only the machine 'cpu' can be profiled", expected="cpu", found=machine)))
+    if profile and machine not in PROFILED:
+        expected = " or ".join(PROFILED)
+        raise SceneError(str(Diagnostic("this machine cannot be profiled", expected=expected, found=machine)))
+    if (method, machine) == ("scanline", "pu"):
+        expected = "the method 'raytrace'"
+        raise SceneError(str(Diagnostic("the machine 'pu' only traces rays yet", expected=expected, found=method)))
     options_for = partial(
         _options,
         machine=machine,
@@ -94,6 +108,11 @@ def render(
         profile=profile,
         count=count,
         accelerator=accelerator,
+        pus=pus,
+        schedule=schedule,
+        clock=clock,
+        distribution=distribution,
+        work=work,
     )
     # A size that was given is checked before anything is loaded.
     options = options_for(size) if size else None
@@ -261,10 +280,13 @@ def _renderer(method: str) -> type[RayTracer] | type[ScanlineRenderer]:
 
 
 def _search(renderer: RayTracer | ScanlineRenderer, tell: Progress) -> dict[str, Any]:
-    """What is to be reported of the search for hits, if that is to be counted, and there is one."""
+    """What is to be reported of the search for hits, if that is to be counted, and there is one.
+
+    The CPU counts, and traces into the same picture: nothing changes where it has made the picture itself.
+    """
     from tasuki.renderers.raytrace import RayTracer
 
-    if not (renderer.options.count and isinstance(renderer, RayTracer)):
+    if not (renderer.options.count and isinstance(renderer, RayTracer)) or renderer.microcode:
         return {}
     from tasuki.renderers.search_counts import search_counts
 
@@ -293,9 +315,9 @@ def _stats(method: str, renderer: RayTracer | ScanlineRenderer) -> dict[str, Any
         "rays": renderer.ray_counts(),
         "machine": _machine(renderer),
         "modules": _modules(renderer.fillers()),
-        "pu": None,
+        "pu": _processor_units(renderer),
     }
-    if options.profile:
+    if options.profile and options.machine == "cpu":
         stats["profile"] = profile_rows(renderer.profile())
     return stats
 
@@ -306,8 +328,19 @@ def _machine(renderer: RayTracer | ScanlineRenderer) -> dict[str, Any]:
     options = renderer.options
     if options.machine == "python":
         return {"name": "python", "version": sys.version.split()[0], "lanes": 1, "threads": 1}
+    if options.machine == "pu":
+        return {"name": "pu", "processor": "processor unit", "lanes": 1, "threads": 1}
     threads = 1 if options.profile else options.threads
     return {"name": "cpu", "processor": host().cpu, "lanes": lanes(), "threads": threads}
+
+
+def _processor_units(renderer: RayTracer | ScanlineRenderer) -> dict[str, Any] | None:
+    """What the picture took on processor units, if it was made by them."""
+    from tasuki.renderers.raytrace import RayTracer
+
+    if not (isinstance(renderer, RayTracer) and renderer.microcode):
+        return None
+    return renderer.microcode.report()
 
 
 def _modules(fillers: Mapping[str, Filler]) -> list[dict[str, Any]]:

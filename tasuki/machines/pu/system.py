@@ -3,7 +3,7 @@
 What each pixel costs is known from running its microcode; this is arithmetic on those step counts, event by event. The
 CP broadcasts the scene to all units at once, a few rows a step. Then the units work:
 
-- **interleaved**: unit p computes the work p, p + N, p + 2N, ... without asking;
+- **static**, interleaved: unit p computes the work p, p + N, p + 2N, ... without asking;
 - **dynamic**: a unit that is free asks the CP for the next piece of work; the CP answers one request at a time.
 
 A piece of work is a run of pixels. When it is done the unit sends its pixels to the display memory, whose bus serves
@@ -18,14 +18,14 @@ from __future__ import annotations
 import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from tasuki.diagnostics import MachineError
 
-Distribution = Literal["interleaved", "dynamic"]
+Distribution = Literal["static", "dynamic"]
 Steps = npt.NDArray[np.int64]
 CLOCK = 5_000_000
 """Steps in a second: what the paper's time gives a horizontal machine with single-chip floating-point units (ours)."""
@@ -57,8 +57,8 @@ class System:
             if value < low or (name == "units" and value > MOST_UNITS):
                 limits = f"{low} to {MOST_UNITS}" if name == "units" else f"at least {low}"
                 raise MachineError(f"{name}: expected {limits}, found {value}")
-        if self.distribution not in ("interleaved", "dynamic"):
-            raise MachineError(f"distribution: expected interleaved or dynamic, found {self.distribution!r}")
+        if self.distribution not in get_args(Distribution):
+            raise MachineError(f"distribution: expected static or dynamic, found {self.distribution!r}")
         if not self.clock > 0:
             raise MachineError(f"clock: expected a number of steps a second, found {self.clock}")
 
@@ -118,6 +118,20 @@ def efficiency(steps: Sequence[int] | Steps, system: System) -> float:
     """T(1) / (N T(N)), each with its broadcast, its requests and its waiting for the display memory."""
     alone = draw(steps, replace(system, units=1)).total
     return alone / (system.units * draw(steps, system).total)
+
+
+def saturation(steps: Sequence[int] | Steps, system: System) -> dict[str, float | None]:
+    """The numbers of units from which the display memory, and the CP, are busy all the time, so that more do not help.
+
+    The time of one unit for the picture, over what each of the two takes for it; None where it takes nothing.
+    """
+    display = len(steps) * system.display
+    requests = -(-len(steps) // system.pixels) * system.request if system.distribution == "dynamic" else 0
+    alone = int(np.sum(steps, dtype=np.int64)) + display + requests
+    return {
+        "display_memory": alone / display if display else None,
+        "control_processor": alone / requests if requests else None,
+    }
 
 
 class _Run:

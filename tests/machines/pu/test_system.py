@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tasuki.diagnostics import MachineError
-from tasuki.machines.pu.system import System, draw, efficiency
+from tasuki.machines.pu.system import System, draw, efficiency, saturation
 
 systems = st.builds(
     System,
     units=st.integers(1, 9),
-    distribution=st.sampled_from(["interleaved", "dynamic"]),
+    distribution=st.sampled_from(["static", "dynamic"]),
     pixels=st.integers(1, 4),
     scene_rows=st.integers(0, 50),
     rows_per_step=st.integers(1, 3),
@@ -46,7 +46,7 @@ def test_one_unit_does_one_thing_after_another():
     frame = draw([5, 6, 7], system)
     assert frame.total == 4 + 3 * (16 + 3) + 18
     assert frame.seconds == frame.total / 1000.0
-    assert draw([5, 6, 7], replace(system, distribution="interleaved")).total == 4 + 3 * 3 + 18
+    assert draw([5, 6, 7], replace(system, distribution="static")).total == 4 + 3 * 3 + 18
 
 
 @given(costs, systems)
@@ -54,7 +54,7 @@ def test_every_step_is_worked_once_and_no_time_is_lost(steps, system):
     frame = draw(steps, system, timelines=True)
     assert frame.worked.sum() == sum(steps)
     pieces = -(-len(steps) // system.pixels)
-    if system.distribution == "interleaved":
+    if system.distribution == "static":
         assert not frame.waited_request.any()
     for unit, line in enumerate(frame.timelines):
         ends = [system.broadcast, *(stretch.end for stretch in line)]
@@ -86,17 +86,17 @@ def test_nobody_waits_where_nothing_is_shared(steps, system):
 
 def test_equal_pixels_are_spread_without_loss():
     steps = np.full(16 * 1000, 300)
-    for distribution in ("interleaved", "dynamic"):
+    for distribution in ("static", "dynamic"):
         system = System(16, distribution, request=16, display=1)
         assert efficiency(steps, system) > 0.94
-    assert efficiency(steps, System(16, "interleaved", display=0)) == 1.0
+    assert efficiency(steps, System(16, "static", display=0)) == 1.0
 
 
 def test_costly_pixels_in_one_column_are_what_interleaving_cannot_spread():
     steps = np.full((64, 64), 100)
     steps[:, ::16] = 5000
     steps = steps.ravel()
-    static = draw(steps, System(16, "interleaved"))
+    static = draw(steps, System(16, "static"))
     dynamic = draw(steps, System(16, "dynamic"))
     assert static.total > 5 * dynamic.total
     assert static.busy_share < 0.2 < 0.9 < dynamic.busy_share
@@ -104,9 +104,18 @@ def test_costly_pixels_in_one_column_are_what_interleaving_cannot_spread():
 
 def test_the_display_memory_binds_where_units_are_many_and_pixels_cheap():
     steps = np.full(4096, 40)
-    assert draw(steps, System(64, "interleaved", display=4)).display_binds
-    assert not draw(steps, System(4, "interleaved", display=4)).display_binds
+    assert draw(steps, System(64, "static", display=4)).display_binds
+    assert not draw(steps, System(4, "static", display=4)).display_binds
     assert not draw([], System(4)).display_binds
+
+
+@given(costs, systems)
+def test_more_units_than_saturate_do_not_help(steps, system):
+    for shared, units in saturation(steps, system).items():
+        if units is not None:
+            after = draw(steps, system).total - system.broadcast
+            alone = draw(steps, replace(system, units=1)).total - system.broadcast
+            assert alone <= units * after * (1 + 1e-9), shared
 
 
 @pytest.mark.parametrize(
@@ -116,7 +125,7 @@ def test_the_display_memory_binds_where_units_are_many_and_pixels_cheap():
         ({"units": 5000}, "units: expected 1 to 4096, found 5000"),
         ({"pixels": 0}, "pixels: expected at least 1, found 0"),
         ({"request": -1}, "request: expected at least 0, found -1"),
-        ({"distribution": "random"}, "distribution: expected interleaved or dynamic, found 'random'"),
+        ({"distribution": "random"}, "distribution: expected static or dynamic, found 'random'"),
         ({"clock": 0.0}, "clock: expected a number of steps a second, found 0.0"),
     ],
 )
