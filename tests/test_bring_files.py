@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,29 @@ DATA = Path(__file__).parent / "data"
 CAMERA = Camera(eye=(1.0, -9.0, 4.0), at=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), angle=40.0, resolution=(48, 36))
 LIGHTS = (PointLight((3.0, -5.0, 6.0)),)
 SCENES = {"torus": [], "textures": [], "image_texture": [], "grid": ["--accelerator", "grid"]}
+
+
+STRAYING = """
+from tasuki.language import Table, f32, module, record, vec3
+from tasuki.scene.textures import TextureKind, register
+
+@record
+class Stripes:
+    size: f32
+
+stripes = Table(Stripes)
+
+@module
+def striped(one: Stripes, colour: vec3, point: vec3, normal: vec3) -> vec3:
+    return colour * stripes[1000000].size
+
+register(TextureKind("stripes", stripes, striped))
+"""
+STRIPED = """
+camera: {eye: [0, -5, 0], at: [0, 0, 0], resolution: [16, 16]}
+materials: {striped: {texture: {stripes: {size: 1}}}}
+shapes: [{sphere: {centre: [0, 0, 0], radius: 1, material: striped}}]
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -79,6 +103,17 @@ def test_python_takes_the_same_files():
     found = render(EXAMPLES / "torus.yaml", with_files=[EXAMPLES / "torus.py"], size=(30, 20))
     again = render(EXAMPLES / "torus.yaml", with_files=[EXAMPLES / "torus.py"], size=(30, 20))
     assert np.array_equal(found.pixels, again.pixels)
+
+
+def test_the_page_of_what_can_be_brought_tells_the_truth(tmp_path):
+    page = (EXAMPLES.parent / "docs" / "extending.md").read_text()
+    [code] = re.findall(r"```python\n(from tasuki.*?)```", page, re.DOTALL)
+    [materials] = re.findall(r"```yaml\n(materials:.*?)```", page, re.DOTALL)
+    (tmp_path / "stripes.py").write_text(code)
+    scene = re.sub("materials:.*\n", materials, STRIPED).replace("material: striped", "material: awning")
+    (tmp_path / "scene.yaml").write_text(scene)
+    result = tasuki("render", tmp_path / "scene.yaml", "--with", tmp_path / "stripes.py", "-o", tmp_path / "out.png")
+    assert result.exit_code == 0, result.stderr
 
 
 # --- the grid ---------------------------------------------------------------------------------------------------------
@@ -170,29 +205,6 @@ def test_files_that_cannot_be_brought(case, tmp_path):
     assert "Traceback" not in result.stderr
     for text in said:
         assert text in result.stderr
-
-
-STRAYING = """
-from tasuki.language import Table, f32, module, record, vec3
-from tasuki.scene.textures import TextureKind, register
-
-@record
-class Stripes:
-    size: f32
-
-stripes = Table(Stripes)
-
-@module
-def striped(one: Stripes, colour: vec3, point: vec3, normal: vec3) -> vec3:
-    return colour * stripes[1000000].size
-
-register(TextureKind("stripes", stripes, striped))
-"""
-STRIPED = """
-camera: {eye: [0, -5, 0], at: [0, 0, 0], resolution: [16, 16]}
-materials: {striped: {texture: {stripes: {size: 1}}}}
-shapes: [{sphere: {centre: [0, 0, 0], radius: 1, material: striped}}]
-"""
 
 
 def test_a_module_of_a_users_that_strays_is_told(tmp_path):
