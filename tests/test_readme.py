@@ -32,7 +32,13 @@ def test_a_users_file_replaces_the_shading_module():
 def test_the_example_gives_three_flat_steps():
     toon = resolve_module(f"{TOON}:toon")
     attribute = dict.fromkeys(("ambient", "specular", "exponent", "reflection", "transmission", "index"), 0.0)
-    attribute |= {"colour": [1.0, 1.0, 1.0], "flags": 0, "diffuse": 1.0, "transmittance": [0.0, 0.0, 0.0]}
+    attribute |= {
+        "colour": [1.0, 1.0, 1.0],
+        "flags": 0,
+        "texture": -1,
+        "diffuse": 1.0,
+        "transmittance": [0.0, 0.0, 0.0],
+    }
     angles = np.linspace(0.0, np.pi / 2, 1000)
     to_light = np.stack([np.sin(angles), np.zeros_like(angles), np.cos(angles)], axis=1)
     up = [0.0, 0.0, 1.0]
