@@ -19,6 +19,7 @@ from tasuki.machines.pu.lower.banks import ANYWHERE, banks_of_variables
 from tasuki.machines.pu.lower.code import Code, Operand, Origin, Place, Word
 from tasuki.machines.pu.lower.memory import MemoryAccess, Slot
 from tasuki.machines.pu.lower.parts import banks_of, parts, select
+from tasuki.machines.pu.lower.stacks import needs_no_clearing
 from tasuki.machines.pu.lower.values import COMPARISONS, OVER_ONE_LANE, Arithmetic, Value
 
 if TYPE_CHECKING:
@@ -107,7 +108,8 @@ class BodyLowering:
             case ir.SetElement():
                 self.set_element(node)
             case ir.Clear(array):
-                self.memory.clear(self.arrays[array])
+                if not needs_no_clearing(self.function, array):
+                    self.memory.clear(self.arrays[array])
             case ir.Store():
                 self.store(node)
             case ir.Atomic():
