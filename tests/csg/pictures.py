@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,14 @@ FAR = 1e9
 SAME = 1e-9
 """Hits on one surface differ by less than this in t."""
 BACKGROUND = (0.0, 0.25, 0.5)
+
+
+def camera_from(number: int) -> Camera:
+    """One of many cameras that look at the origin from all sides, spread evenly (golden angle)."""
+    height = (2.0 * ((number * 0.618034) % 1.0) - 1.0) * 0.95
+    turn, across = 2.39996 * number, 5.7 * (1.0 - height**2) ** 0.5
+    eye = (across * math.cos(turn), across * math.sin(turn), 5.7 * height)
+    return replace(CAMERA, eye=eye)
 
 
 def flat_material(number: int) -> Material:

@@ -25,6 +25,10 @@ D = Cone((0.2, 0.1, -0.7), 0.6, (0.1, 0.0, 2.2), material=Material(colour=(0.9, 
 ABOVE = HalfSpace((0.0, 0.1, -1.0), (0.0, 0.0, 0.1))
 WHOLE = ((A - B) | (C & ~D)) & ~(ABOVE & Ellipsoid((0.0, 0.0, 1.0), (2.0, 0.7, 0.9)))
 
+BESIDE = Box((1.0, -1.1, -0.9), (1.6, 1.3, 0.8), material=A.material)
+BOTH = Box((-1.2, -1.1, -0.9), (1.6, 1.3, 0.8), material=A.material)
+FLUSH = Box((-1.2, 0.0, -0.5), (0.5, 1.3, 0.8), material=A.material)
+
 SAME: dict[str, tuple[Node, Node]] = {
     "operands of a union in another order": (Union((A, B, C, D)), Union((D, B, A, C))),
     "operands of an intersection in another order": (Intersection((A, ~B, ~D)), Intersection((~D, A, ~B))),
@@ -34,6 +38,12 @@ SAME: dict[str, tuple[Node, Node]] = {
     "De Morgan, of an intersection": (~(~A | B | ~ABOVE), A & ~B & ABOVE),
     "a difference is an intersection": (A - B - C, A & ~B & ~C),
     "a union in parts": ((A | B) | (C | D), Union((A, B, C, D))),
+    "boxes that touch, in another order": (A | BESIDE, BESIDE | A),
+    "a box in two that touch": (BOTH - B, (A | BESIDE) - B),
+    "a box and what is flush within it": (A - C, (A | FLUSH) - C),
+    "what touches, taken away": (A, BOTH - BESIDE),
+    "taken away and put back": (A | C, (A - FLUSH) | FLUSH | C),
+    "what two that touch have in common, added": (A - B, (A - B) | (A & BESIDE)),
     "distributed": (A & (~B | ~C), (A & ~B) | (A & ~C)),
     "absorbed": (A - B, (A - B) | ((A - B) & C)),
     "absorbed by an intersection": (A - B, (A - B) & ((A - B) | C)),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.csg.operands import CUT, OPERATIONS, RELATIONS, by_detours, directly
-from tests.csg.pictures import coloured, expected, rendered, scene_of
+from tests.csg.pictures import camera_from, coloured, expected, rendered, scene_of
 
 PAIRS = list(combinations_with_replacement(CUT, 2))
 FEW = 0.03
@@ -27,9 +27,10 @@ def require(scene) -> None:
 def test_every_pixel_shows_its_owner(relation, first):
     for pair in (pair for pair in PAIRS if pair[0] == first):
         a, b = coloured(*RELATIONS[relation](*pair))
-        # Every operation comes in turn.
-        operation = list(OPERATIONS)[(PAIRS.index(pair) + list(RELATIONS).index(relation)) % len(OPERATIONS)]
-        require(scene_of(OPERATIONS[operation](directly(a), by_detours(b))))
+        # Every operation comes in turn, and every picture is taken from another side.
+        number = PAIRS.index(pair) + list(RELATIONS).index(relation)
+        operation = list(OPERATIONS.values())[number % len(OPERATIONS)]
+        require(scene_of(operation(directly(a), by_detours(b)), camera=camera_from(number)))
 
 
 @pytest.mark.parametrize("relation", RELATIONS)
@@ -37,4 +38,4 @@ def test_every_pixel_shows_its_owner(relation, first):
 def test_of_two_things_in_one_place_the_first_shows(relation, first):
     for pair in (pair for pair in PAIRS if pair[0] == first):
         a, b = coloured(*RELATIONS[relation](*pair))
-        require(scene_of(directly(a), by_detours(b)))
+        require(scene_of(directly(a), by_detours(b), camera=camera_from(PAIRS.index(pair))))
