@@ -124,6 +124,20 @@ def with_boxes(root: Part, leaf_boxes: LeafBoxes) -> Part:
     return root
 
 
+def around_literals(root: Part) -> list[tuple[Leaf, Box]]:
+    """Of each literal the box of the smallest part of its formula that has bounds, or whose complement has; EVERYTHING
+    where none has. Boxes of `root` have been found.
+    """
+    found, waiting = [], [(root, EVERYTHING)]
+    while waiting:
+        part, box = waiting.pop()
+        box = next((one for one in (part.box, part.gap) if one != EMPTY and is_bounded(one)), box)
+        if part.leaf:
+            found.append((part.leaf, box))
+        waiting += [(one, box) for one in part.parts]
+    return found
+
+
 def _around_all(boxes: Sequence[Box]) -> Box:
     around = EMPTY
     for box in boxes:

@@ -6,7 +6,7 @@ them; tokens are written.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from tasuki.scene import surfaces
 from tasuki.scene.bounds import EMPTY, EVERYTHING, Box, plane_boxes, quadric_boxes, transformed
 from tasuki.scene.csg import PLANE, QUADRIC, Leaf
-from tasuki.scene.formula import INVERTED, Tokens, literals, normalised, with_boxes
+from tasuki.scene.formula import INVERTED, Tokens, around_literals, literals, normalised, with_boxes
 from tasuki.scene.kinds import OBJECT, PrimitiveKind, lookup, record_dtype
 from tasuki.scene.material import Material
 
@@ -109,6 +109,7 @@ class Formulas:
         leaves = [part.leaf for root in roots for part in literals(root) if part.leaf]
         self.placing = _Placing(leaves, matrices)
         whole = [with_boxes(root, self.placing.boxes) for root in roots]
+        self.placing.surround([pair for root in whole for pair in around_literals(root)])
         kept = [row for row, root in enumerate(whole) if EMPTY not in (root.box, root.gap)]
         self.roots = [whole[row] for row in kept]
         self.numbers = np.array([order[row] for row in kept], np.intp)
@@ -163,6 +164,7 @@ class _Placing:
         self.kept: dict[str, np.ndarray] = {}
         # Of each leaf four boxes, (n, 4, 6), as `formula.LeafBoxes` has them.
         self._boxes = np.empty((len(leaves), 4, 6))
+        self._around = np.tile(np.array(EVERYTHING), (len(leaves), 1))
         to_scene = matrices.to_scene()
         inverses = np.linalg.inv(to_scene)
         for kind in self.kinds:
@@ -178,6 +180,25 @@ class _Placing:
         """As `formula.LeafBoxes` says."""
         box, gap, local_box, local_gap = map(tuple, self._boxes[self.row[id(leaf)]].tolist())
         return box, gap, local_box, local_gap
+
+    def placed_surfaces(self, size: float) -> Callable[[Leaf], np.ndarray]:
+        """What gives the coefficients of a plane or quadric in a scene of `size`, as in `Leaf.values`: the same for all
+        leaves whose surfaces are merged, but for the sign.
+        """
+        classes = {name: self._classes(name, size) for name in self.placed}
+        places = {name: {row: place for place, row in enumerate(self.rows[name].tolist())} for name in self.placed}
+
+        def surface(leaf: Leaf) -> np.ndarray:
+            place, mine = places[leaf.kind][self.row[id(leaf)]], classes[leaf.kind]
+            values = self.placed[leaf.kind].values[mine.first[mine.number[place]]]
+            return -values if mine.turned[place] else values
+
+        return surface
+
+    def surround(self, around: Sequence[tuple[Leaf, Box]]) -> None:
+        """Take the boxes around what the leaves bound, as `formula.around_literals` has them."""
+        for leaf, box in around:
+            self._around[self.row[id(leaf)]] = box
 
     def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> tuple[dict[str, np.ndarray], int]:
         """The tables of all kinds of surfaces, by name, and how many surfaces were merged with others."""
@@ -199,7 +220,9 @@ class _Placing:
 
     def _classes(self, name: str, size: float) -> surfaces.Merged:
         merge = surfaces.merged_planes if name == PLANE else surfaces.merged_quadrics
-        return merge(self.placed[name].values, size)
+        around = self._around[self.rows[name]]
+        # In a large scene small things keep their own measure; what has no bounds has the scene's.
+        return merge(self.placed[name].values, np.minimum((around[:, 3:] - around[:, :3]).max(axis=1), size))
 
     def _find_boxes(self, kind: PrimitiveKind, leaves: Sequence[Leaf]) -> None:
         find = plane_boxes if kind.name == PLANE else quadric_boxes

@@ -1,8 +1,8 @@
 """The surfaces of all literals, placed in the scene in float64, and those that are one surface merged.
 
 Surfaces that coincide must be crossed at one t, whatever matrices brought them there. So every plane and quadric gets
-a canonical number; what lies within `TOLERANCE` of another, relative to the scene's size, shares its number, and a
-literal is a surface and a side of it.
+a canonical number; what lies within `TOLERANCE` of another, relative to the size of the smaller of what they bound,
+shares its number, and a literal is a surface and a side of it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tasuki.scene.csg import PLANE, QUADRIC, Leaf
 from tasuki.scene.kinds import UNIT_MATRIX
 
 TOLERANCE = 2.0**-20
-"""Of the scene's size, and of a unit normal: what float32 cannot tell apart along a ray."""
+"""Of the size of what is bounded, and of a unit normal: what float32 cannot tell apart along a ray."""
 
 
 @dataclass(frozen=True)
@@ -79,22 +79,23 @@ def _cleaned(values: np.ndarray, kind: str) -> np.ndarray:
     return values
 
 
-def merged_planes(planes: np.ndarray, size: float) -> Merged:
-    """Planes (n, 4) with unit normals, merged."""
+def merged_planes(planes: np.ndarray, sizes: np.ndarray) -> Merged:
+    """Planes (n, 4) with unit normals, merged; `sizes` (n,) are those of what each bounds."""
     turned = _signs(planes[:, :3]) < 0.0
-    features = np.where(turned[:, None], -planes, planes) / [1.0, 1.0, 1.0, size]
-    return _merged(features, turned)
+    planes = np.where(turned[:, None], -planes, planes)
+    return _merged(planes[:, :3], planes[:, 3:], sizes, turned)
 
 
-def merged_quadrics(quadrics: np.ndarray, size: float) -> Merged:
-    """Quadrics (n, 4, 4), their largest |Q| 1, merged: alike in Q, middle, opening, and the root of the constant."""
+def merged_quadrics(quadrics: np.ndarray, sizes: np.ndarray) -> Merged:
+    """Quadrics (n, 4, 4), their largest |Q| 1, merged: alike in Q, middle, opening, and the root of the constant.
+    `sizes` as in `merged_planes`.
+    """
     turned = _signs(np.array([q[np.triu_indices(3)] for q in quadrics[:, :3, :3]]).reshape(-1, 6)) < 0.0
     quadrics = np.where(turned[:, None, None], -quadrics, quadrics)
     middle, opening, constant = completed(quadrics, np.zeros(3))
     lengths = np.sign(constant) * np.sqrt(np.abs(constant))
     upper = quadrics[:, *np.triu_indices(3)]
-    features = np.column_stack([upper, middle / size, opening / size, lengths / size])
-    return _merged(features, turned)
+    return _merged(upper, np.column_stack([middle, opening, lengths]), sizes, turned)
 
 
 def completed(quadrics: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -128,18 +129,21 @@ def _signs(values: np.ndarray) -> np.ndarray:
     return np.sign(values[np.arange(len(values)), first])
 
 
-def _merged(features: np.ndarray, turned: np.ndarray) -> Merged:
-    """Rows whose features are all within TOLERANCE of each other, directly or from neighbour to neighbour.
+def _merged(ratios: np.ndarray, lengths: np.ndarray, sizes: np.ndarray, turned: np.ndarray) -> Merged:
+    """Rows (n, ...) whose ratios are all within TOLERANCE of each other, and their lengths within that of the lesser
+    of their `sizes`, directly or from neighbour to neighbour.
 
     Along each feature in turn the rows of a class are parted where they leave a gap; until no class has one.
     """
+    features = np.column_stack([ratios, lengths])
+    allowed = np.column_stack([np.ones_like(ratios), np.broadcast_to(sizes[:, None], lengths.shape)]) * TOLERANCE
     number = np.zeros(len(features), np.int64)
     count = 0
     while len(features) and number.max() + 1 > count:
         count = number.max() + 1
-        for column in features.T:
+        for column, tolerance in zip(features.T, allowed.T, strict=True):
             order = np.lexsort((column, number))
-            gaps = np.diff(column[order]) > TOLERANCE
+            gaps = np.diff(column[order]) > np.minimum(tolerance[order][1:], tolerance[order][:-1])
             parted = np.concatenate([[0], np.cumsum(gaps | (np.diff(number[order]) != 0))])
             number[order] = parted
     _, first, number = np.unique(number, return_index=True, return_inverse=True)

@@ -10,7 +10,7 @@ import pytest
 from tasuki.scene import Camera, Material, PointLight, Polygon, Scene
 from tasuki.scene.solids import Box, Cone, Cylinder, Ellipsoid, HalfSpace, RoundedBox, Sphere, Tube
 from tasuki.scene.tree import Difference, Formula, Group, Instance, Intersection, Node, Union
-from tests.csg.pictures import SIDE, rendered
+from tests.csg.pictures import SIDE, flat_material, rendered
 
 CAMERA = Camera((4.0, -6.0, 3.5), (0.0, 0.0, 0.4), (0.0, 0.0, 1.0), 36.0, (SIDE, SIDE))
 LIGHTS = (PointLight((3.0, -5.0, 6.0)), PointLight((-4.0, -2.0, 5.0), (0.4, 0.3, 0.2)))
@@ -119,3 +119,15 @@ def test_a_mirrored_scene_makes_the_mirrored_picture():
     mirrored = rendered(moved(lambda node: node.scale(-1.0, 1.0, 1.0)))[:, ::-1]
     differs = np.abs(mirrored - rendered(HOME)).max(axis=2) > 1e-2
     assert differs.mean() < 0.004
+
+
+@pytest.mark.parametrize("half", [1e5, 1e7])
+def test_small_things_on_large_ground_keep_their_faces(half):
+    def picture(half):
+        # The things share the plane of the ground; their other faces are near it for a scene of this size.
+        ground = Box((-half, -half, -half), (half, half, 0.0), material=flat_material(3))
+        plate = Box((-1.0, -1.0, 0.0), (1.0, 1.0, 0.02), material=flat_material(73))
+        drilled = Box((-0.5, -0.5, 0.0), (0.5, 0.5, 0.4)) - Cylinder((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), 0.2)
+        return rendered(scene_of(ground, plate, replace(drilled, material=flat_material(146)), lights=()))
+
+    assert (picture(half) != picture(100.0)).any(axis=2).mean() < 0.01
