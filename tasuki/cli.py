@@ -40,7 +40,9 @@ app = typer.Typer(
 
 Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene: .yaml, .nff, or a mesh.", show_default=False)]
+SceneFile = Annotated[
+    Path, typer.Argument(metavar="SCENE", help="A scene: .yaml, .nff, or a mesh.", show_default=False)
+]
 Microcode = Annotated[
     Path, typer.Argument(metavar="FILE", help="Microcode: a .macro or .meta file.", show_default=False)
 ]
@@ -230,6 +232,33 @@ def info(scene: SceneFile, with_files: WithFiles = None, as_json: AsJson = False
             print(json.dumps(content, indent=2))
         else:
             print_info(content)
+
+
+@app.command()
+def convert(
+    scene: SceneFile,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="A .yaml, .glb, .stl or .obj file.", show_default=False)],
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", metavar="SHARE", help="Of curved surfaces in meshes, of the scene's size.")
+    ] = 1.0 / 4096.0,
+    with_files: WithFiles = None,
+    debug: Debug = False,
+) -> None:
+    """Write a scene in another format: our own, or all that is bounded in it as a mesh."""
+    with reported(debug):
+        from tasuki.renderers.extensions import load_extensions
+        from tasuki.renderers.files import check_writable, write_file
+        from tasuki.scene import load_scene
+        from tasuki.scene.exporters import FORMATS, exported
+
+        if not 0.0 < tolerance < 1.0:
+            expected = "more than 0, less than 1"
+            raise TasukiError(f"error: --tolerance is out of range\n  expected: {expected}\n  found: {tolerance:g}")
+        load_extensions(with_files or [])
+        check_writable(out, FORMATS)
+        content = exported(load_scene(scene), out, tolerance)
+        write_file(out, content)
+        print(f"{out}: {len(content):,} bytes")
 
 
 @app.command()

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.modules import records as rec
 from tasuki.modules.scanline import records as scan
 from tasuki.scene.flatten import Flat
@@ -33,16 +32,8 @@ class Mesh:
 
 
 def mesh_of(packed: Packed) -> Mesh:
-    """The scene's polygons as triangles; coordinates count from `packed.origin`.
-
-    SceneError where the scene has other shapes than polygons.
-    """
-    shapes = packed.flat.shapes
-    polygons = shapes.polygons
-    others = packed.things - sum(packed.counts.get(name, 0) for name in ("triangle", "quad"))
-    if others:
-        message = f"the scanline method draws polygons, and {others} of the scene's shapes are none"
-        raise SceneError(str(Diagnostic(message, expected="polygons and patches", found=repr(shapes))))
+    """The scene's polygons as triangles; coordinates count from `packed.origin`."""
+    polygons = packed.flat.shapes.polygons
     corners, owner = triangulate(polygons)
     positions, position_of = welded(polygons.points - packed.origin)
     normals, normal_of = welded(corner_normals(polygons))

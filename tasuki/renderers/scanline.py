@@ -31,6 +31,7 @@ from tasuki.renderers.options import RenderOptions
 from tasuki.scene.memory import MOST_ROWS, Memory
 from tasuki.scene.model import Camera, Scene
 from tasuki.scene.pack import pack
+from tasuki.scene.tessellate import tessellated
 
 NEAREST = 1e-6
 """Of the distance to the farthest vertex: what is nearer to the eye does not show."""
@@ -72,7 +73,7 @@ class ScanlineRenderer:
         self._profile: list[EdgeProfile] = []
         self._fillers: dict[str, Filler] = FILLERS | dict(modules or {})
         started = perf_counter()
-        packed = pack(scene)
+        packed = pack(tessellated(scene))
         self.origin = packed.origin
         self.mesh = mesh_of(packed)
         self.corners = _box_corners(self.mesh.vertices["position"])

@@ -19,7 +19,7 @@ from tasuki.programs import REPORT
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.raytrace import RayTracer
 from tasuki.renderers.scanline import ScanlineRenderer
-from tasuki.scene import Camera, Material, PointLight, Polygon, Scene, Sphere
+from tasuki.scene import Camera, HalfSpace, Material, PointLight, Polygon, Scene
 
 SIZE = 48
 CAMERA = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 30.0, (SIZE, SIZE))
@@ -310,9 +310,9 @@ def test_a_profile_names_the_modules():
     assert rows["tasuki.modules.scanline.spans:draw_row"]["lanes"] == 48
 
 
-def test_shapes_without_triangles_are_refused():
-    scene = Scene(CAMERA, [Sphere((0.0, 0.0, 0.0), 1.0)], LIGHTS)
-    with pytest.raises(SceneError, match="draws polygons"):
+def test_what_has_no_bounds_is_refused():
+    scene = Scene(CAMERA, [HalfSpace((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))], LIGHTS)
+    with pytest.raises(SceneError, match="this object has no bounds"):
         render(scene, method="scanline")
 
 
