@@ -47,7 +47,7 @@ def holds(box: Bounds, points: np.ndarray) -> np.ndarray:
     return ((points >= np.array(box[:3]) - 1e-9) & (points <= np.array(box[3:]) + 1e-9)).all(axis=1)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(formulas(3), st.integers(0, 1 << 16), st.sampled_from([1.0, 4.0, 40.0]))
 def test_nothing_of_a_solid_lies_beyond_its_box(node, seed, reach):
     [tree] = trees_of([node])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tasuki.scene.tree import Node
 from tests.csg.agreement import agrees
 from tests.csg.oracle import Oracle
-from tests.csg.rays import from_all_sides
+from tests.csg.rays import from_all_sides, towards
 from tests.csg.strategies import formulas
 from tests.csg.tracing import Traced, trees_of
 from tests.machines.running import WIDTHS, assert_same_bits
@@ -21,24 +21,36 @@ seeds = st.integers(0, 1 << 16)
 
 
 def traced(node: Node, seed: int, two_sided: bool):
-    """Formula, rays, and what the oracle says of them; None where the formula holds nothing, or everything."""
+    """A formula in memory, its oracle, and rays."""
     [tree] = trees_of([node])
-    oracle = Oracle(tree)
-    origin, direction = from_all_sides(np.random.default_rng(seed), RAYS, REACH)
-    hits = oracle.first_hits(origin, direction, two_sided=two_sided)
-    return Traced([tree], [two_sided]), (origin, direction), hits
+    rays = from_all_sides(np.random.default_rng(seed), RAYS, REACH)
+    return Traced([tree], [two_sided]), Oracle(tree), rays
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(formulas(), seeds, st.booleans())
 def test_t_and_owner_are_the_oracles(node, seed, two_sided):
-    here, rays, hits = traced(node, seed, two_sided)
+    here, oracle, rays = traced(node, seed, two_sided)
+    hits = oracle.first_hits(*rays, two_sided=two_sided)
     right = agrees(here.met(0, *rays), hits)
     assert right[hits.decided].all()
     assert hits.decided.mean() > 0.5
 
 
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(formulas(), seeds, st.booleans())
+def test_so_they_are_for_rays_that_go_on_from_there(node, seed, two_sided):
+    here, oracle, (origin, direction) = traced(node, seed, two_sided)
+    t, owner, code, _ = here.met(0, origin, direction)
+    met = np.isfinite(t)
+    start = origin[met] + t[met, None] * direction[met]
+    start, onwards = towards(start, start + np.random.default_rng(seed).normal(size=start.shape))
+    left = [oracle.surface_of(place) for place in owner[met]]
+    hits = oracle.first_hits(start, onwards, two_sided=two_sided, left=left)
+    assert agrees(here.met(0, start, onwards, code[met]), hits)[hits.decided].all()
+
+
+@settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(st.lists(formulas(2), min_size=4, max_size=4), seeds)
 def test_every_machine_and_width_finds_the_same(nodes, seed):
     trees = trees_of(nodes)
