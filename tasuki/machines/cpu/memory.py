@@ -77,8 +77,8 @@ def store_table(e: Emitter, table: TableValue, index: Leaf, wanted: range, leave
     if rows:
         # Whole rows go out, one store for each lane: scatters, word by word, take several times as long.
         addresses = _active_addresses(e, table, index, mask)
-        for row, members in rows.items():
-            store_row(e, addresses, row, [stored.pop(leaf) for leaf in members])
+        for row, banks in rows.items():
+            store_row(e, addresses, row, [None if leaf is None else stored.pop(leaf) for leaf in banks])
     _store_words(e, table, index, list(stored), list(stored.values()), mask)
 
 
@@ -92,12 +92,20 @@ def _active_addresses(e: Emitter, table: TableValue, index: Leaf, mask: str) -> 
     return addresses
 
 
-def whole_rows(record: Record, wanted: Sequence[int]) -> dict[int, list[int]]:
-    """The rows of a record of which all four words are wanted, each with its leaves by bank."""
-    rows: dict[int, list[int]] = defaultdict(list)
-    for leaf in sorted(wanted, key=lambda leaf: record.layout[leaf]):
-        rows[record.layout[leaf][0]].append(leaf)
-    return {row: leaves for row, leaves in rows.items() if len(leaves) == BANKS}
+def whole_rows(record: Record, wanted: Sequence[int]) -> dict[int, list[int | None]]:
+    """The rows of a record of which all words that mean something are wanted: the leaf in each bank, or None.
+
+    A row with a single word is none of them: to scatter that takes less.
+    """
+    rows: dict[int, list[int | None]] = defaultdict(lambda: [None] * BANKS)
+    for leaf, (row, bank) in enumerate(record.layout):
+        rows[row][bank] = leaf
+    chosen = set(wanted)
+    return {
+        row: banks
+        for row, banks in rows.items()
+        if sum(leaf is not None for leaf in banks) > 1 and chosen.issuperset(leaf for leaf in banks if leaf is not None)
+    }
 
 
 def _store_words(

@@ -86,14 +86,22 @@ def as_leaf(e: Emitter, floats: str, scalar: str) -> Leaf:
     return e.from_stored(scalar, True, words)
 
 
-def store_row(e: Emitter, addresses: Sequence[str], row: int, leaves: Sequence[Leaf]) -> None:
-    """The inverse of `load_rows`: four vectors, one for each bank, become a row for each lane."""
-    columns = _transpose(e, [_as_floats(e, leaf) for leaf in leaves])
+def store_row(e: Emitter, addresses: Sequence[str], row: int, leaves: Sequence[Leaf | None]) -> None:
+    """The inverse of `load_rows`: four vectors, one for each bank, become a row for each lane. Where there is None the
+    bank keeps its word.
+    """
+    zero = e.broadcast(e.constant(0.0, "f32"))
+    columns = _transpose(e, [_as_floats(e, leaf or zero) for leaf in leaves])
+    kept = ", ".join(f"i1 {'false' if leaf is None else 'true'}" for leaf in leaves)
     for lane, address in enumerate(addresses):
         place = e.value(f"getelementptr inbounds i8, ptr {address}, i64 {row * ROW_ALIGN}")
         part = range(lane // 4 * 4, lane // 4 * 4 + 4)
         words = _shuffle(e, e.width, columns[lane % 4], "poison", part)
-        e.line(f"store <4 x float> {words}, ptr {place}, align {ROW_ALIGN}")
+        if None in leaves:
+            arguments = [("<4 x float>", words), ("ptr", place), ("i32", str(ROW_ALIGN)), ("<4 x i1>", f"<{kept}>")]
+            e.intrinsic("llvm.masked.store.v4f32.p0", "void", arguments)
+        else:
+            e.line(f"store <4 x float> {words}, ptr {place}, align {ROW_ALIGN}")
 
 
 def _as_floats(e: Emitter, leaf: Leaf) -> str:
