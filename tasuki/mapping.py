@@ -62,7 +62,7 @@ def map_module(
     if machine == "cpu":
         leaves = call.on_cpu(fillers, threads or os.cpu_count() or 1, width or 0, checked)
     elif machine == "pu":
-        leaves = call.on_pu(fillers)
+        leaves = call.on_pu(fillers, checked)
     elif machine == "interpreter":
         leaves = call.on_interpreter(fillers, width, number_format, arithmetic)
     else:
@@ -143,10 +143,10 @@ class _Call:
                 arguments.append(Items(argument) if argument[0].ndim else Same([leaf.item() for leaf in argument]))
         return program.run(arguments, self.items, tables=self._named(), threads=min(threads, -(-self.items // 1024)))
 
-    def on_pu(self, fill: Mapping[str, Filler]) -> list[np.ndarray]:
+    def on_pu(self, fill: Mapping[str, Filler], checked: bool) -> list[np.ndarray]:
         from tasuki.machines.pu.lower import Executable
 
-        executable = Executable(link_program(self.module, fill))
+        executable = Executable(link_program(self.module, fill), checked=checked)
         return executable.run(self._tables_and_leaves(), self.items, tables=self._named())
 
     def on_interpreter(

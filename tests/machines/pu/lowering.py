@@ -24,6 +24,7 @@ def agree(
     tables: Mapping[str, MemoryTable] | None = None,
     *,
     simulator: Any = "plain",
+    checked: bool = False,
 ) -> None:
     """Under both schedules the PU returns what the interpreter does, and leaves the same memory."""
     verify(program)
@@ -32,7 +33,7 @@ def agree(
     steps = []
     for schedule in SCHEDULES:
         mine = copied(tables or {})
-        executable = Executable(program, schedule)
+        executable = Executable(program, schedule, checked=checked)
         found = executable.run(arguments, items, tables=mine, simulator=simulator, limit=LIMIT)
         assert_same_bits(found, expected, f"schedule {schedule}:\n{executable.compiled.source}")
         for name in mine:

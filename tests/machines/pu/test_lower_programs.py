@@ -16,7 +16,7 @@ from tasuki.machines.pu.lower import program as lowering
 from tests.ir.build import element, f, function, i, load, local, op, pair, program
 from tests.ir.random_programs import random_arguments, random_programs, random_tables
 from tests.machines.pu.lowering import agree
-from tests.machines.test_tables import COUNT, MIXED, MIXED_TABLE, PATHS, counting, random_memory
+from tests.machines.test_tables import COUNT, MIXED, MIXED_TABLE, PATHS, accessing, counting, random_memory
 
 ITEMS = 3
 
@@ -47,12 +47,13 @@ def test_random_programs_of_subroutines_with_hardly_a_register(data):
         agree(made, data.draw(random_arguments(made, ITEMS)), ITEMS)
 
 
-def test_loads_of_records_and_members():
+@pytest.mark.parametrize("checked", [False, True])
+def test_loads_of_records_and_members(checked):
     value = pair(*(load(MIXED_TABLE, local("at", I32), *path) for path in PATHS), n.Length(MIXED_TABLE, I32))
     made = program(function([n.Return(value)], {"at": I32}, value.type), tables={"things": MIXED})
     memory = random_memory(MIXED, COUNT)
     at = np.arange(COUNT, dtype=np.int32)
-    agree(made, [[at]], COUNT, {"things": MemoryTable(memory, 2, COUNT)})
+    agree(made, [[at]], COUNT, {"things": MemoryTable(memory, 2, COUNT)}, checked=checked)
 
 
 @pytest.mark.parametrize("path", PATHS, ids="-".join)
@@ -123,6 +124,32 @@ def test_indices_of_local_arrays_are_clamped_and_arrays_begin_empty():
     made = program(function([*start, *body], {"at": I32, "x": F32}, VEC3, variables))
     indices = np.array([-(2**31), -1, 0, 1, 4, 5, 2**31 - 1], np.int32)
     agree(made, [[indices], [np.linspace(-3, 3, 7).astype(np.float32)]], 7)
+
+
+@pytest.mark.parametrize("inlined", [-1, lowering.INLINED])
+@pytest.mark.parametrize("schedule", ["macro", "compact"])
+@pytest.mark.parametrize("kind", ["load", "store", "atomic"])
+@pytest.mark.parametrize("bad", [COUNT, -1, 2**31 - 1, -(2**31)])
+def test_an_access_outside_is_reported(bad, kind, schedule, inlined, monkeypatch):
+    """By the first item that makes it, also from within a subroutine; what lies outside the table is untouched."""
+    monkeypatch.setattr(lowering, "INLINED", inlined)
+    inner = accessing(kind)
+    arguments = (local("at", I32), local("wants", BOOL))
+    body = [n.Call("y", "scenes:shade", arguments), n.Call("y", "scenes:shade", arguments), n.Return(local("y", F32))]
+    main = function(body, {"at": I32, "wants": BOOL}, F32, {"y": F32})
+    made = program(main, *inner.functions.values(), tables=dict(inner.tables))
+    rows = random_memory(MIXED, COUNT)
+    before = rows.copy()
+    at = np.array([2, 3, bad, 99], np.int32)
+    executable = Executable(made, schedule, checked=True)
+    tables = {"things": MemoryTable(rows, 2, COUNT)}
+    with pytest.raises(MachineError) as caught:
+        executable.run([[at], [np.ones(4, bool)]], 4, tables=tables)
+    assert str(caught.value).startswith("scene.py:12:5: error: an access outside table `things` in module `shade`")
+    assert f"index {bad}" in str(caught.value)
+    outside = [0, 1, *range(2 + COUNT * MIXED.rows, len(rows))]
+    assert np.array_equal(rows[outside].view(np.int32), before[outside].view(np.int32))
+    executable.run([[at], [np.zeros(4, bool)]], 4, tables=tables)
 
 
 def test_a_missing_table_is_named():

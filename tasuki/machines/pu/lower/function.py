@@ -20,7 +20,7 @@ from tasuki.machines.pu.lower.code import Code, Operand, Origin, Place, Word
 from tasuki.machines.pu.lower.memory import MemoryAccess, Slot
 from tasuki.machines.pu.lower.parts import banks_of, parts, select
 from tasuki.machines.pu.lower.stacks import needs_no_clearing
-from tasuki.machines.pu.lower.values import COMPARISONS, OVER_ONE_LANE, Arithmetic, Value
+from tasuki.machines.pu.lower.values import COMPARISONS, OVER_ONE_LANE, Value
 
 if TYPE_CHECKING:
     from tasuki.machines.pu.lower.program import ProgramLowering
@@ -50,12 +50,11 @@ class BodyLowering:
         function: ir.Function,
         arguments: Mapping[str, Bound],
         results: Sequence[Place],
-        memory: MemoryAccess | None = None,
+        memory: MemoryAccess,
     ) -> None:
         self.program, self.code, self.function = program, code, function
         self.results = list(results)
-        self.arithmetic = memory.arithmetic if memory else Arithmetic(code)
-        self.memory = memory or MemoryAccess(self.arithmetic)
+        self.arithmetic, self.memory = memory.arithmetic, memory
         self.tables = {name: one for name, one in arguments.items() if isinstance(one, Slot)}
         self.values = {name: one for name, one in arguments.items() if not isinstance(one, Slot)}
         self.types: dict[str, Type] = {p.name: p.type for p in function.parameters} | dict(function.variables)
@@ -100,8 +99,7 @@ class BodyLowering:
         return all(self.statement(statement) for statement in statements)
 
     def statement(self, node: ir.Statement) -> bool:
-        if node.span:
-            self.code.origin = Origin(self.function.name, node.span)
+        self.come_from(node)
         match node:
             case ir.Assign():
                 self.assign(node)
@@ -135,6 +133,11 @@ class BodyLowering:
                 self.code.jump(self.end)
                 return False
         return True
+
+    def come_from(self, node: ir.Node) -> None:
+        """What is emitted next comes from this node's place in the source."""
+        if node.span:
+            self.code.origin = Origin(self.function.name, node.span)
 
     def assign(self, node: ir.Assign) -> None:
         targets = self.targets(node.target, node.path)
@@ -292,9 +295,10 @@ class BodyLowering:
             case ir.Construct():
                 return self.construct(node, into)
             case ir.Load():
-                slot = self.table(node.table)
+                slot, index = self.table(node.table), self.scalar(node.index)
                 type_, leaves = at_path(slot.record, node.path)
-                return self.memory.load(slot, self.scalar(node.index), leaves, type_, into)
+                self.come_from(node)
+                return self.memory.load(slot, index, leaves, type_, into)
             case ir.Length():
                 return [self.program.length(self, self.table(node.table), into)]
         raise self.refusal(f"{type(node).__name__} is not an expression with a value", node.span)

@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tasuki.diagnostics import MachineError
+from tasuki.diagnostics import Diagnostic, MachineError
 from tasuki.ir.memory import MemoryTable
 from tasuki.ir.nodes import Program
 from tasuki.ir.types import BANKS, Record, Table
 from tasuki.machines.pu import isa, simulate
-from tasuki.machines.pu.lower.program import ARGUMENTS, RESULTS, Lowered, ProgramLowering
+from tasuki.machines.pu.lower.program import ARGUMENTS, RESULTS, AccessSite, Lowered, ProgramLowering
 from tasuki.machines.pu.lower.text import own_rows, write
 from tasuki.machines.pu.macro import assemble
 from tasuki.machines.pu.schedule import compact
@@ -42,14 +42,18 @@ class PUProgram:
     records: Mapping[str, Record]
     own_rows: int
     entry: str
+    sites: tuple[AccessSite, ...]
+    home: int
+    """Where the machine halts when an item is done."""
 
 
-def compile_program(program: Program, schedule: Schedule = "macro") -> PUProgram:
+def compile_program(program: Program, schedule: Schedule = "macro", *, checked: bool = False) -> PUProgram:
     """Compile a verified program. Raises SourceError, with the place, where the machine cannot do what it asks for.
 
-    `schedule`: "macro" leaves each macro as it is, "compact" lets macros overlap.
+    `schedule`: "macro" leaves each macro as it is, "compact" lets macros overlap. `checked`: an index outside a table
+    ends the run with an error; else it reaches whatever memory holds there.
     """
-    lowered = ProgramLowering(program).lower()
+    lowered = ProgramLowering(program, checked).lower()
     text = write(lowered)
     name = f"{lowered.entry.label} of {program.entry}"
     assembly = assemble("".join(f"{line}\n" for line in text.lines), name)
@@ -60,7 +64,16 @@ def compile_program(program: Program, schedule: Schedule = "macro") -> PUProgram
         compacted = compact(words)
         words, modules = compacted.program, tuple(_most(modules, group) for group in compacted.sources)
     records = {key: _record(lowered, key) for key in lowered.tables}
-    return PUProgram(assembly.source, words, modules, tuple(lowered.tables), records, own_rows(lowered), program.entry)
+    tables, sites = tuple(lowered.tables), tuple(lowered.sites)
+    rows = own_rows(lowered)
+    return PUProgram(assembly.source, words, modules, tables, records, rows, program.entry, sites, _home(words))
+
+
+def _home(program: isa.Program) -> int:
+    """The first halt behind the label `item`."""
+    halt = isa.DEFAULT.by_name["seq.op"].codes["halt"]
+    places = range(program.labels["item"], len(program.words))
+    return next(address for address in places if isa.decode(program.words[address])["seq.op"] == halt)
 
 
 def _most(modules: Sequence[str], addresses: Sequence[int]) -> str:
@@ -75,8 +88,8 @@ def _record(lowered: Lowered, key: str) -> Record:
 class Executable:
     """A compiled program on one processor unit. May be run any number of times."""
 
-    def __init__(self, program: Program, schedule: Schedule = "macro") -> None:
-        self.compiled = compile_program(program, schedule)
+    def __init__(self, program: Program, schedule: Schedule = "macro", *, checked: bool = False) -> None:
+        self.compiled = compile_program(program, schedule, checked=checked)
         self.function = program.functions[program.entry]
         self.steps = np.zeros(0, np.int64)
         """Of the last run: the steps of each item."""
@@ -144,12 +157,22 @@ class Executable:
         machine = simulate.Fast(program, state) if simulator == "fast" else simulate.Plain(program, state)
         most = simulate.ENDLESS if limit is None else limit
         machine.advance(most)
-        steps = machine.repeat(program.labels["item"], items, most)
+        steps = machine.repeat(program.labels["item"], items, most, self.compiled.home)
         if not state.halted:
             item = int(np.argmax(steps == most))
             raise simulate.Trap("limit", f"item {item}: no halt within {limit} steps", program, state)
+        if items and state.address != self.compiled.home:
+            raise self._fault(state)
         self.executions = machine.executions
         return steps
+
+    def _fault(self, state: simulate.State) -> MachineError:
+        """What a failed access says: FPPS's output is its number, the ALU's the index."""
+        site = self.compiled.sites[state.output["s"]]
+        index = np.uint32(state.output["alu"]).view(np.int32)
+        module = site.origin.module.rsplit(":", 1)[-1]
+        message = f"an access outside table `{site.table}` in module `{module}`"
+        return MachineError(str(Diagnostic(message, site.origin.span, found=f"index {index}")))
 
     def _results(self, image: _Image, items: int) -> list[np.ndarray]:
         leaves = self.function.result.leaves

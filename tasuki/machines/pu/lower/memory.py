@@ -7,11 +7,11 @@ or stored goes row by row: one memory access brings all parts that lie in a row.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from tasuki.ir.types import BOOL, Record, Type, Vector
-from tasuki.machines.pu.lower.code import Operand, Place, Word
+from tasuki.ir.types import BOOL, I32, Record, Type, Vector
+from tasuki.machines.pu.lower.code import Operand, Origin, Place, Word
 from tasuki.machines.pu.lower.parts import part_starts, parts
 from tasuki.machines.pu.lower.values import Arithmetic, Value
 
@@ -85,11 +85,17 @@ class Slot:
         return Word(f"{self.name}.{self.text.rows[row][0]}", "field")
 
 
+Fault = Callable[[Slot, Origin], tuple[int, str]]
+"""For an access to a table: the row of its descriptor, and a label of the access's own."""
+
+
 @dataclass
 class MemoryAccess:
     """Emits accesses. It remembers at which record a table stands, as long as control cannot come from elsewhere."""
 
     arithmetic: Arithmetic
+    fault: Fault | None
+    """Makes the label to which an access outside a table goes, if accesses are checked."""
     standing: dict[str, Operand] = field(default_factory=dict)
 
     def forget(self) -> None:
@@ -109,6 +115,9 @@ class MemoryAccess:
             return
         code, table = self.arithmetic.code, Word(slot.name, "table")
         if slot.length is None:
+            if self.fault:
+                row, label = self.fault(slot, code.origin)
+                code.effect("check", row, self.arithmetic.placed(index, I32), Word(label, "label"))
             code.effect("seek", table, index)
         elif isinstance(index, int):
             code.effect("seek", table, min(max(index, 0), slot.length - 1))

@@ -38,6 +38,15 @@ ARGUMENTS, RESULTS = "arguments", "results"
 """The tables of items: a record for each, of the entry's parameters and of its result."""
 
 
+@dataclass(frozen=True)
+class AccessSite:
+    """A checked access: the label where control goes if it fails, the table, and where it stands."""
+
+    label: str
+    table: str
+    origin: Origin
+
+
 @dataclass
 class Lowered:
     """A program before it is written down: code with registers, and what its text declares."""
@@ -50,6 +59,7 @@ class Lowered:
     arguments: Record | None
     results: Record | None
     frame_rows: int
+    sites: list[AccessSite]
 
 
 @dataclass
@@ -66,6 +76,8 @@ class ProgramLowering:
     """Lowers a verified program; `lower` is the way in."""
 
     program: ir.Program
+    checked: bool = False
+    sites: list[AccessSite] = field(default_factory=list)
     slots: dict[str, Slot] = field(default_factory=dict)
     records: dict[Record, RecordText] = field(default_factory=dict)
     routines: dict[tuple[str, tuple[str, ...]], _Routine] = field(default_factory=dict)
@@ -89,7 +101,7 @@ class ProgramLowering:
         entry = self.program.functions[self.program.entry]
         # What brings arguments and takes results counts for no module.
         code = Code(origin=Origin("", None))
-        memory = MemoryAccess(Arithmetic(code))
+        memory = self._memory(code)
         arguments = [(p.name, p.type) for p in entry.parameters if not isinstance(p.type, Table)]
         given = Record(ARGUMENTS, tuple(arguments)) if arguments else None
         made = Record(RESULTS, (("value", entry.result),)) if entry.result != VOID else None
@@ -115,7 +127,9 @@ class ProgramLowering:
         code.jump("item")
         allocated = self._allocate("start", code, {}, [])
         routines = [routine.allocated for routine in self.routines.values()]
-        return Lowered(allocated, routines, list(self.slots.values()), self.described, given, made, self.frame_rows)
+        return Lowered(
+            allocated, routines, list(self.slots.values()), self.described, given, made, self.frame_rows, self.sites
+        )
 
     def _bound_arguments(self, entry: ir.Function, record: Record | None, memory: MemoryAccess) -> dict[str, Bound]:
         """The entry's parameters: its tables, and the record of the item's values."""
@@ -171,7 +185,8 @@ class ProgramLowering:
 
     def _routine(self, function: ir.Function, arguments: Sequence[Bound], node: ir.Call) -> _Routine:
         code = Code(origin=Origin(function.name, function.span))
-        arithmetic = Arithmetic(code)
+        memory = self._memory(code)
+        arithmetic = memory.arithmetic
         bound: dict[str, Bound] = {}
         for parameter, argument in zip(function.parameters, arguments, strict=True):
             if isinstance(argument, Slot):
@@ -181,7 +196,7 @@ class ProgramLowering:
         label = self.fresh_label(self.label_of(function.name))
         results = [arithmetic.fresh(banks_of(part)) for part in parts(function.result)]
         self._open.append(0)
-        BodyLowering(self, code, function, bound, results).lower()
+        BodyLowering(self, code, function, bound, results, memory).lower()
         depth = self._open.pop()
         if depth + 1 >= CALL_DEPTH:
             message = f"calls are nested too deeply for the processor unit (in `{function.name}`)"
@@ -205,6 +220,14 @@ class ProgramLowering:
         """The rows of a local array. One for all lowerings of its function, which never run inside each other."""
         shown = f"{self.label_of(function)}_{name}"
         return self._slot(f"{function} {name}", shown, element_record(type_), type_.length)
+
+    def _memory(self, code: Code) -> MemoryAccess:
+        return MemoryAccess(Arithmetic(code), self._fault if self.checked else None)
+
+    def _fault(self, slot: Slot, origin: Origin) -> tuple[int, str]:
+        label = self.fresh_label("fault")
+        self.sites.append(AccessSite(label, slot.key.removeprefix("parameter "), origin))
+        return self.described.index(slot.key), label
 
     def length(self, caller: BodyLowering, slot: Slot, into: Place | None) -> Operand:
         """The count in a table's descriptor."""

@@ -47,6 +47,9 @@ def write(lowered: Lowered) -> Text:
         if end == "return":
             last = next((item.origin.module for item in reversed(piece.items) if isinstance(item, Final)), "")
             text.add(f"{INDENT}return", last)
+    for number, site in enumerate(lowered.sites):
+        text.add(f"{site.label}:")
+        text.add(f"{INDENT}fault {number}", site.origin.module)
     return text
 
 

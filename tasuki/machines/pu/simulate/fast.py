@@ -67,10 +67,10 @@ class Fast:
             if not state.halted and state.steps < last:
                 self._plain.step()
 
-    def repeat(self, address: int, times: int, limit: int) -> npt.NDArray[np.int64]:
-        """Go on at `address` until the halt, so many times; the steps of each.
+    def repeat(self, address: int, times: int, limit: int, home: int) -> npt.NDArray[np.int64]:
+        """Go on at `address` until the halt at `home`, so many times; the steps of each.
 
-        After one that has not halted within `limit` steps nothing more is run, and the state is not halted. Raises Trap
+        After one that halts elsewhere, or that has not halted within `limit` steps, nothing more is run. Raises Trap
         where a step cannot be made.
         """
         steps = np.zeros(times, np.int64)
@@ -84,7 +84,7 @@ class Fast:
                 self.advance(limit - (self.state.steps - before))
                 words = pack(self.state)
             steps[turn] = self.state.steps - before
-            if not words[_HALTED]:
+            if not words[_HALTED] or words[_ADDRESS] != home:
                 break
         unpack(words, self.state)
         return steps

@@ -54,10 +54,10 @@ class Plain:
         self.state = start(program) if state is None else state
         self.executions = [0] * len(program.words)
 
-    def repeat(self, address: int, times: int, limit: int) -> npt.NDArray[np.int64]:
-        """Go on at `address` until the halt, so many times; the steps of each.
+    def repeat(self, address: int, times: int, limit: int, home: int) -> npt.NDArray[np.int64]:
+        """Go on at `address` until the halt at `home`, so many times; the steps of each.
 
-        After one that has not halted within `limit` steps nothing more is run, and the state is not halted. Raises Trap
+        After one that halts elsewhere, or that has not halted within `limit` steps, nothing more is run. Raises Trap
         where a step cannot be made.
         """
         steps = np.zeros(times, np.int64)
@@ -66,7 +66,7 @@ class Plain:
             self.state.halted, self.state.address = False, address
             self.advance(limit)
             steps[turn] = self.state.steps - before
-            if not self.state.halted:
+            if not self.state.halted or self.state.address != home:
                 break
         return steps
 
