@@ -186,23 +186,19 @@ def smooth_scene(size: tuple[int, int] = (SIZE, SIZE), cells: int = 8) -> Scene:
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_among_many_layers_the_nearest_shows(seed):
-    """Large triangles behind and through each other, against all depths in float64."""
+    """Large triangles behind and through each other, against all of their depths."""
     draw = np.random.default_rng(seed)
-    renderer = drawn(numbered(draw.uniform(-1.5, 1.5, (120, 3, 3))))
+    renderer = drawn(numbered(draw.uniform(-0.75, 0.75, (120, 3, 3))))
     planes = renderer.records("face_planes", scan.FacePlane)
-    inside = covering(renderer)
-    inside[planes["state"] != scan.WHOLE] = False
-    partial = np.flatnonzero(planes["state"] == scan.PARTIAL)
-    pixel = np.tan(np.radians(15.0)) / (SIZE / 2.0)
-    x = (np.arange(SIZE) + 0.5 - SIZE / 2.0) * pixel
+    assert (planes["state"] == scan.WHOLE).all()
+    x = (np.arange(SIZE) + 0.5 - SIZE / 2.0) * np.tan(np.radians(15.0)) / (SIZE / 2.0)
     slope = planes["slope"].astype(np.float64)
     depth = slope[:, None, None, 0] * x + slope[:, None, None, 1] * x[:, None] + slope[:, None, None, 2]
-    depth = np.where(inside, depth, 0.0)
+    depth = np.where(covering(renderer), depth, 0.0)
     visible = renderer.visible()
-    known = (visible >= 0) & ~np.isin(visible, partial)
+    assert np.array_equal(visible >= 0, depth.any(axis=0))
     shown = np.take_along_axis(depth, np.maximum(visible, 0)[None], axis=0)[0]
-    assert (shown[known] >= depth.max(axis=0)[known] * (1.0 - 1e-5)).all()
-    assert known.any()
+    assert (shown >= depth.max(axis=0) * (1.0 - 1e-5)).all()
 
 
 def test_threads_do_not_change_the_picture():
