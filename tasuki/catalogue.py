@@ -21,6 +21,7 @@ from tasuki.language.declare import Module
 from tasuki.language.load import declared, load_modules, resolve_module
 from tasuki.renderers.fillers import FILLED
 from tasuki.scene.kinds import kinds
+from tasuki.scene.textures import textures
 
 GROUP = "tasuki.modules"
 
@@ -111,8 +112,9 @@ def _installed() -> Iterator[Module]:
 
 
 def _filled_by_kinds() -> dict[Module, str]:
-    """The dispatch socket that a module fills for the kind of primitive that it is registered with."""
-    return {kind.resolve(role): socket for kind in kinds() for socket, role in FILLED.items()}
+    """The dispatch socket that a module fills for the kind of primitive or texture that it is registered with."""
+    filled = {kind.resolve(role): socket for kind in kinds() for socket, role in FILLED.items()}
+    return filled | {kind.module: "texture_colour" for kind in textures()}
 
 
 def _measured(module: Module, fillers: dict[str, Module]) -> dict[str, Any]:
