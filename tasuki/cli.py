@@ -130,6 +130,9 @@ def render(
     size: Annotated[str | None, typer.Option(metavar="WxH", help="Pixels; by default what the scene says.")] = None,
     samples: Annotated[int, typer.Option(metavar="N", help="Rays through each pixel.")] = 1,
     depth: Annotated[int, typer.Option(metavar="N", help="Generations of rays, the eye ray counted.")] = 5,
+    cutoff: Annotated[
+        float, typer.Option(metavar="WEIGHT", help="Follow no ray that weighs this or less in its pixel.")
+    ] = 0.0,
     threads: Annotated[int | None, typer.Option(metavar="N", help="By default one for each processor.")] = None,
     accelerator: Annotated[
         str, typer.Option(metavar="NAME", help="How rays find what they hit: bvh, extents, or yours.")
@@ -170,6 +173,7 @@ def render(
         "accelerator": accelerator,
         "samples": samples,
         "depth": depth,
+        "cutoff": cutoff,
         "threads": threads,
         "unchecked": unchecked,
         "profile": profile,

@@ -3,13 +3,13 @@
 Both fill the socket `traced_light`; a scene in which nothing is transparent is linked with the first, which is faster.
 """
 
-from tasuki.language import any_lane, array, f32, i32, module, reciprocal, record, vec3
+from tasuki.language import any_lane, array, f32, i32, max, module, reciprocal, record, vec3
 from tasuki.modules.directions import reflection_direction
 from tasuki.modules.elementary import power
 from tasuki.modules.glass import energy_ratio, refraction_direction
 from tasuki.modules.media import index_of, media_at
 from tasuki.modules.raytrace import Traced, direct_light
-from tasuki.modules.records import Attribute, View, attributes
+from tasuki.modules.records import Attribute, View, attributes, views
 from tasuki.modules.search import NOTHING, nearest_hit
 from tasuki.modules.shading import accumulate_luminance
 from tasuki.modules.surface import lift, material_of, surface_at
@@ -48,6 +48,14 @@ class Fork:
 
 
 @module
+def matters(weight: vec3) -> bool:
+    """Whether a ray of this weight is followed (R. A. Hall, D. P. Greenberg, "A Testbed for Realistic Image Synthesis",
+    1983).
+    """
+    return max(max(weight.x, weight.y), weight.z) > views[0].cutoff
+
+
+@module
 def shares(attribute: Attribute, direction: vec3, normal: vec3, ratio: f32) -> tuple[f32, f32]:
     """The shares of the light that a surface mirrors and refracts.
 
@@ -73,7 +81,7 @@ def fork_at_mirror(ray: Ray, t: f32, hit: i32) -> Fork:
     mirror = reflection_direction(ray.direction, surface.normal)
     weight = attribute.reflection * ray.weight
     resting = Ray(start, mirror, vec3(0.0), surface.code, True)
-    mirrored = Ray(start, mirror, weight, surface.code, not attribute.reflection > 0.0)
+    mirrored = Ray(start, mirror, weight, surface.code, not matters(weight))
     return Fork(ray.weight * luminance, 1, shadow_rays, mirrored, resting)
 
 
@@ -94,7 +102,7 @@ def fork_at_glass(ray: Ray, t: f32, hit: i32) -> Fork:
     fork = Fork(vec3(0.0), 1, 0, resting, resting)
     if before == after and attribute.transmission > 0.0:
         # Inside one medium a surface of another, which gives way to it, is not there.
-        fork.refracted = Ray(beyond, ray.direction, weight, surface.code, False)
+        fork.refracted = Ray(beyond, ray.direction, weight, surface.code, not matters(weight))
     else:
         luminance, fork.shadow = direct_light(attribute, surface, start, ray.direction)
         fork.luminance = weight * luminance
@@ -102,8 +110,9 @@ def fork_at_glass(ray: Ray, t: f32, hit: i32) -> Fork:
         mirrored, refracted = shares(attribute, ray.direction, surface.normal, ratio)
         bent, possible = refraction_direction(ray.direction, surface.normal, ratio)
         sent = possible and attribute.transmission > 0.0
-        fork.mirrored = Ray(start, mirror, mirrored * weight, surface.code, not mirrored > 0.0)
-        fork.refracted = Ray(beyond, bent, refracted * weight, surface.code, not sent)
+        along, through = mirrored * weight, refracted * weight
+        fork.mirrored = Ray(start, mirror, along, surface.code, not matters(along))
+        fork.refracted = Ray(beyond, bent, through, surface.code, not (sent and matters(through)))
     return fork
 
 

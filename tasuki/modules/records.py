@@ -199,7 +199,8 @@ class Light:
 class View:
     """What is drawn: sample (x, y) of the picture lies in direction corner + x * right + y * down from the eye.
 
-    Places in memory count from `origin`: a module that wants a point in the scene's own coordinates adds it.
+    Places in memory count from `origin`: a module that wants a point in the scene's own coordinates adds it. Rays whose
+    weight is not above `cutoff` in any colour are not followed.
     """
 
     eye: vec3
@@ -211,6 +212,7 @@ class View:
     down: vec3
     depth: i32
     background: vec3
+    cutoff: f32
     origin: vec3
     region_x: i32
     region_y: i32

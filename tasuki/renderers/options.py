@@ -34,8 +34,9 @@ class Region:
 class RenderOptions:
     """How a scene is rendered. Raises SceneError with what was expected and found.
 
-    `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted; `threads` 0:
-    one for each processor. `unchecked`: users' modules run without checks of their accesses to tables.
+    `samples` rays go through each pixel; `depth` generations of rays are followed, the eye ray counted, but none whose
+    weight in its pixel is `cutoff` or less; `threads` 0: one for each processor. `unchecked`: users' modules run
+    without checks of their accesses to tables.
     `machine`: "cpu", "python" or "pu". For the latter `pus` is the number of processor units, `schedule` how their
     microcode is laid out, `clock` their steps in a second, in millions, and `distribution` how they come by their
     `work`: static (interleaved) or dynamic, a pixel or a row of them at a time.
@@ -47,6 +48,7 @@ class RenderOptions:
     height: int = 512
     samples: int = 1
     depth: int = 5
+    cutoff: float = 0.0
     threads: int = 0
     region: Region = field(default_factory=lambda: Region(0, 0, 0, 0))
     unchecked: bool = False
@@ -72,6 +74,8 @@ class RenderOptions:
             value = getattr(self, name)
             if not (isinstance(value, Integral) and least <= int(value) <= most):
                 raise SceneError(f"error: {name} is out of range\n  expected: {least} to {most}\n  found: {value}")
+        if not 0.0 <= self.cutoff <= 1.0:
+            raise SceneError(f"error: cutoff is out of range\n  expected: 0 to 1\n  found: {self.cutoff:g}")
         self._check_processor_units()
         object.__setattr__(self, "threads", self.threads or os.cpu_count() or 1)
         region = self.region

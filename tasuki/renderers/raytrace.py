@@ -95,7 +95,7 @@ class RayTracer:
             view[name] = getattr(frame, name)
         view["background"] = self.scene.background
         view["width"], view["height"] = options.width, options.height
-        view["samples"], view["depth"] = options.samples, options.depth
+        view["samples"], view["depth"], view["cutoff"] = options.samples, options.depth, options.cutoff
         region = options.region
         view["region_x"], view["region_y"] = region.x, region.y
         view["region_width"], view["region_height"] = region.width, region.height

@@ -136,3 +136,18 @@ def test_a_scene_far_away_looks_like_one_at_home(far):
     home, away = rendered(at((0.0, 0.0, 0.0))), rendered(at(far))
     # The offsets round the scene itself, in float64; pixels on edges may fall to either side.
     assert (np.abs(home - away).max(axis=2) > 1e-2).mean() < 0.002
+
+
+def test_a_cutoff_leaves_out_rays_that_are_not_seen():
+    scene = load_scene(DATA / "still_life.nff")
+    options = RenderOptions(64, 64, depth=8)
+    every, some = RayTracer(scene, options), RayTracer(scene, replace(options, cutoff=0.01))
+    whole, rough = every.render().copy(), some.render().copy()
+    # Each ray left out weighs 0.01 at most, and few of them meet in one pixel.
+    assert 0.0 < np.abs(whole - rough).max() < 0.05
+    counts, fewer = every.ray_counts(), some.ray_counts()
+    assert fewer["reflection"] < counts["reflection"]
+    assert fewer["eye_hits"] == counts["eye_hits"]
+    none = RayTracer(scene, replace(options, cutoff=1.0))
+    none.render()
+    assert none.ray_counts()["reflection"] == none.ray_counts()["refraction"] == 0
