@@ -36,7 +36,7 @@ def object_hit(index: i32, origin: vec3, direction: vec3, left: i32, far: f32) -
     # A little farther, so that what lies at `far` itself is told from what is not asked.
     horizon = far * 1.0001
     inside, until = formula_span(formula, origin, direction, inverse, shifted, left, 0.0, horizon)
-    while until <= far and until < NOWHERE:
+    while until <= far and until < horizon:
         t = until
         was = inside
         inside, until = formula_span(formula, origin, direction, inverse, shifted, left, t, horizon)

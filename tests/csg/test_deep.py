@@ -14,8 +14,10 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from tasuki.language import f32, i32, module, vec3
 from tasuki.machines.cpu.machine import Items, Same
-from tasuki.mapping import TableArray
+from tasuki.mapping import TableArray, map_module
+from tasuki.modules.objects import object_hit
 from tasuki.programs import Options, executable
 from tasuki.scene import formula, objects
 from tasuki.scene.bounds import EVERYTHING
@@ -244,3 +246,18 @@ def test_skip_links_and_groups_change_no_result(width):
         assert_same_bits(found, leaves(without.met(number, *rays, width=width)), f"formula {number}")
         met_any += np.isfinite(found[0]).sum()
     assert met_any > 300
+
+
+@module
+def met_before(index: i32, origin: vec3, direction: vec3, far: f32) -> f32:
+    return object_hit(index, origin, direction, -1, far)
+
+
+@pytest.mark.parametrize("far", [2.0, 1.0, 1e-38, 1e-45, 0.0])
+def test_a_search_that_may_go_no_farther_ends(far):
+    # From within nothing shows; at 1e-45 no float lies between `far` and what is a little farther.
+    [tree] = trees_of([Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))])
+    here = Traced([tree])
+    origin, direction = np.array([[0.5, 0.5, 0.5]]), np.array([[0.0, 0.0, 1.0]])
+    t = map_module(met_before, here.rows[0], origin, direction, np.float32(far), fill=FILLERS, tables=here.tables)
+    assert t == [np.inf]
