@@ -13,7 +13,7 @@ import pkgutil
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tasuki.modules
 from tasuki.diagnostics import Diagnostic, LinkError, TasukiError
@@ -22,6 +22,9 @@ from tasuki.language.load import declared, load_modules, resolve_module
 from tasuki.renderers.fillers import FILLED
 from tasuki.scene.kinds import kinds
 from tasuki.scene.textures import textures
+
+if TYPE_CHECKING:
+    from tasuki.machines.pu.lower.costs import Cost
 
 GROUP = "tasuki.modules"
 
@@ -63,8 +66,9 @@ def describe(
 ) -> list[dict[str, Any]]:
     """What `tasuki modules --json` prints of every module, as plain data.
 
-    "cpu" holds "cycles" per item if `measured`, which compiles every module: `progress` is told the share that is done.
-    None where a number is not known: see `tasuki.measure.cycles_per_item`. "error": what is wrong with a module that
+    "pu" holds the steps and the words of microcode, each macro on its own, and "compact" those where macros overlap;
+    "cpu" the cycles per item: all if `measured`, which compiles every module (`progress` is told the share that is
+    done). None where a number is not known: see `tasuki.measure`. "error": what is wrong with a module that
     should have been measured.
     """
     modules = list(modules)
@@ -83,7 +87,7 @@ def describe(
             "file": module.file,
             "line": module.line,
             "summary": module.doc.partition("\n")[0],
-            "pu": {"steps": {"min": None, "typical": None, "max": None}, "words": None},
+            "pu": _steps(None) | {"compact": _steps(None)},
             "cpu": {"cycles": None},
         }
         if measured:
@@ -118,9 +122,17 @@ def _filled_by_kinds() -> dict[Module, str]:
 
 
 def _measured(module: Module, fillers: dict[str, Module]) -> dict[str, Any]:
-    from tasuki.measure import cycles_per_item
+    from tasuki.measure import cycles_per_item, pu_cost
 
     try:
-        return {"cpu": {"cycles": cycles_per_item(module, fillers)}}
+        cycles = cycles_per_item(module, fillers)
+        macro, compact = (_steps(pu_cost(module, fillers, schedule)) for schedule in ("macro", "compact"))
     except TasukiError as error:
         return {"error": str(error)}
+    return {"pu": macro | {"compact": compact}, "cpu": {"cycles": cycles}}
+
+
+def _steps(cost: Cost | None) -> dict[str, Any]:
+    if cost is None:
+        return {"steps": {"min": None, "typical": None, "max": None}, "words": None}
+    return {"steps": {"min": cost.least, "typical": cost.typical, "max": cost.most}, "words": cost.words}

@@ -1,9 +1,11 @@
-"""What a module costs on this processor: cycles per item, measured.
+"""What a module costs: cycles per item on this processor, measured; steps on the processor unit, counted.
 
-A *cycle* is a tick of the counter that the processor keeps for the purpose (`llvm.readcyclecounter`; on x86 the time
-stamp counter, which runs at a constant rate, whatever the clock does). The module runs alone, over made-up arguments
-that fit the processor's caches, on one thread, in packets of the usual width; loading arguments and storing results
-counts, binding them does not. What it costs inside a renderer depends on the lanes that are active: see `--profile`.
+The module runs alone, on made-up arguments (`made_up`). A *cycle* is a tick of the counter that the processor keeps for
+the purpose (`llvm.readcyclecounter`; on x86 the time stamp counter, which runs at a constant rate, whatever the clock
+does). The arguments fit the processor's caches; one thread runs, in packets of the usual width; loading arguments and
+storing results counts, binding them does not. What a module costs inside a renderer depends on the lanes that are
+active: see `--profile`. *Steps* are those of the module and of all that it calls, without bringing arguments and taking
+results.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import ctypes
 import time
 from collections.abc import Mapping
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +26,14 @@ from tasuki.machines.cpu.machine import Items
 from tasuki.native.compile import Library, compile_object
 from tasuki.programs import Filler, Options, executable, link_program
 
+if TYPE_CHECKING:
+    from tasuki.ir.nodes import Program
+    from tasuki.machines.pu.lower.costs import Cost
+    from tasuki.machines.pu.lower.machine import Schedule
+
 ITEMS = 8192
+PU_ITEMS = 256
+"""The simulator counts: more of them only show rarer ways through a module."""
 REPEATS = 40
 """Of which the fastest counts: others were disturbed."""
 CALIBRATION_SECONDS = 0.05
@@ -43,18 +53,12 @@ define void @read_counter(ptr %to) {
 def cycles_per_item(module: Module, fillers: Mapping[str, Filler]) -> float | None:
     """Cycles that `module` takes for one item, its sockets filled from `fillers`.
 
-    None where it cannot run on made-up arguments: a socket is left unfilled, or it, or what it calls, reads tables.
-    Raises SourceError where the module is wrong.
+    None where it cannot run alone (`_alone`). Raises SourceError where the module is wrong.
     """
-    try:
-        program = link_program(module, fillers)
-    except LinkError:
+    if _alone(module, fillers) is None:
         return None
     types = module.signature.parameters
-    if program.tables or any(isinstance(type_, Table) for type_ in types):
-        return None
-    random = np.random.default_rng(SEED)
-    leaves = [made_up(type_, ITEMS, random) for type_ in types]
+    leaves = _arguments(module, ITEMS)
     bound: Binding = "items"
     compiled = executable(module, Options((bound,) * len(types), checked=False), fillers)
     # A call that does nothing: entering compiled code takes as long as some thousand items of a small module.
@@ -62,6 +66,37 @@ def cycles_per_item(module: Module, fillers: Mapping[str, Filler]) -> float | No
     entering = compiled.seconds(nothing, 0, repeats=REPEATS)
     spent = compiled.seconds([Items(argument) for argument in leaves], ITEMS, repeats=REPEATS) - entering
     return max(0.0, spent) * counter_rate() / ITEMS
+
+
+def pu_cost(module: Module, fillers: Mapping[str, Filler], schedule: Schedule) -> Cost | None:
+    """What `module` takes on the processor unit, its sockets filled from `fillers`.
+
+    None where it cannot run alone (`_alone`). Raises SourceError where the module is wrong, or needs what the processor
+    unit has not.
+    """
+    from tasuki.machines.pu.lower.costs import module_cost
+
+    program = _alone(module, fillers)
+    return module_cost(program, _arguments(module, PU_ITEMS), PU_ITEMS, schedule=schedule) if program else None
+
+
+def _alone(module: Module, fillers: Mapping[str, Filler]) -> Program | None:
+    """The program of a module that can run on made-up arguments.
+
+    None where a socket is left unfilled, or where it, or what it calls, reads tables.
+    """
+    try:
+        program = link_program(module, fillers)
+    except LinkError:
+        return None
+    has_tables = program.tables or any(isinstance(type_, Table) for type_ in module.signature.parameters)
+    return None if has_tables else program
+
+
+def _arguments(module: Module, items: int) -> list[list[np.ndarray]]:
+    """Made-up arguments of so many items, the same each time."""
+    random = np.random.default_rng(SEED)
+    return [made_up(type_, items, random) for type_ in module.signature.parameters]
 
 
 def made_up(type_: Type, items: int, random: np.random.Generator) -> list[np.ndarray]:

@@ -23,7 +23,7 @@ MAY_IMPORT = {
     "measure": {"diagnostics", "ir", "language", "machines", "native", "programs"},
     "renderers": {"diagnostics", "ir", "language", "machines", "modules", "native", "scene", "programs", "mapping"},
     "explain": {"diagnostics", "ir", "language", "machines", "native", "programs", "renderers", "scene"},
-    "catalogue": {"diagnostics", "language", "measure", "modules", "renderers", "scene"},
+    "catalogue": {"diagnostics", "language", "machines", "measure", "modules", "renderers", "scene"},
 }
 FREE = {"__init__", "cli", "__main__", "version"}
 

@@ -252,7 +252,7 @@ def test_arguments_of_a_wrong_type_are_told(scene: Scene, case: str):
 def test_what_cannot_be_rendered(scene: Scene):
     with pytest.raises(SceneError, match="has not the machine 'gpu' yet"):
         render(scene, machine="gpu")
-    with pytest.raises(SceneError, match="only the machine 'cpu' can be profiled"):
+    with pytest.raises(SceneError, match="this machine cannot be profiled"):
         render(scene, machine="python", profile=True)
     with pytest.raises(SceneError, match="unknown method 'magic'"):
         render(scene, method="magic")
