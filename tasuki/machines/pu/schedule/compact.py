@@ -73,7 +73,14 @@ class _Node:
 
 
 def _schedule(block: Block) -> list[list[Operation]]:
-    """The block's operations, step by step."""
+    """The block's operations, step by step. What is greedy is not always shorter: then they stay as they are."""
+    before = [operations(block.start + offset, one) for offset, one in enumerate(block.instructions)]
+    steps = _listed(block)
+    return steps if len(steps) <= len(before) else [step for step in before if step]
+
+
+def _listed(block: Block) -> list[list[Operation]]:
+    """A list schedule."""
     nodes = _graph(block)
     steps: list[list[Operation]] = []
     waiting = nodes

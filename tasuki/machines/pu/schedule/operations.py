@@ -110,11 +110,14 @@ class _Parts:
                 self.source(operation, unit, port, self.one.name[f"{unit}.{port}"])
             self.conditions_of(operation, unit, value.name)
             operation.writes.add(("out" if value.result else "flags", unit))
-            if write == "result" and value.result:
+            if write == "result":
                 self.use(operation, f"{unit}.w")
                 operation.writes.add(self.register(operation, f"{unit}.rd"))
+                if not value.result:
+                    # A comparison leaves the output as it is, and that is what is written.
+                    operation.reads.add(("out", unit))
             yield operation
-        if write != "none" and not (write == "result" and value.result):
+        if write not in ("none", "result") or (write == "result" and value.name == "nop"):
             yield self.kept(unit, write)
 
     def conditions_of(self, operation: Operation, unit: str, name: str) -> None:
