@@ -17,6 +17,9 @@ from tasuki.scene.pack import Packed
 from tasuki.scene.shapes import Polygons
 from tasuki.scene.triangulate import triangulate
 
+HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+"""Odd factors by which the words of a row are mixed, modulo 2**64."""
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -80,16 +83,18 @@ def _zeros(record: Any, count: int) -> np.ndarray:
 def welded(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The different rows of (n, 3) numbers, rounded to float32, in the order in which they first appear; and of each
     given row its number among them, (n,) int32.
+
+    Rows are sorted by a hash. Where two different ones share it, some that are equal may stay apart: faces then do not
+    share that vertex, and show as before.
     """
     # Adding zero makes -0.0 the same as 0.0.
     rounded = rows.astype(np.float32) + np.float32(0.0)
-    words = np.ascontiguousarray(rounded).view(np.uint32).reshape(-1, 3).astype(np.uint64)
-    order = np.lexsort((words[:, 2], words[:, 0] << np.uint64(32) | words[:, 1]))
+    words = np.ascontiguousarray(rounded).view(np.uint32).reshape(-1, 3)
+    order = np.argsort(words.astype(np.uint64) @ HASH)
     ordered = words[order]
     new = np.ones(len(order), bool)
     new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    # The sort is stable: the first of equal rows is the one that appears first.
-    first = order[new]
+    first = np.minimum.reduceat(order, np.flatnonzero(new)) if len(order) else order
     by_appearance = np.argsort(first)
     number = np.empty(len(first), np.int32)
     number[by_appearance] = np.arange(len(first), dtype=np.int32)
