@@ -185,11 +185,15 @@ class _Rays:
         self.origin = np.column_stack([origin, np.ones(len(origin))])
         self.direction = np.column_stack([direction, np.zeros(len(origin))])
         # S times origins and directions, (n, m, 4).
-        self.of_origin = np.tensordot(self.origin, self.surfaces, (1, 2))
-        self.of_direction = np.tensordot(self.direction, self.surfaces, (1, 2))
-        self.a = np.einsum("nmi,ni->nm", self.of_direction, self.direction)
-        self.b = np.einsum("nmi,ni->nm", self.of_direction, self.origin)
-        self.c = np.einsum("nmi,ni->nm", self.of_origin, self.origin)
+        of_origin = np.tensordot(self.origin, self.surfaces, (1, 2))
+        of_direction = np.tensordot(self.direction, self.surfaces, (1, 2))
+        self.a = np.einsum("nmi,ni->nm", of_direction, self.direction)
+        self.b = np.einsum("nmi,ni->nm", of_direction, self.origin)
+        self.c = np.einsum("nmi,ni->nm", of_origin, self.origin)
+        # The square of half the gradient at t is g0 + 2 g1 t + g2 t^2: each (n, 1, m).
+        at, along = of_origin[..., :3], of_direction[..., :3]
+        pairs = ((at, at), (at, along), (along, along))
+        self.gradients = [np.einsum("nmi,nmi->nm", one, other)[:, None] for one, other in pairs]
         self.lie_in = (self.a == 0.0) & (self.b == 0.0) & (self.c == 0.0)
         self.leaves_it = np.arange(len(surfaces)) == np.broadcast_to(left, len(origin))[:, None]
         roots = self._roots()
@@ -220,10 +224,8 @@ class _Rays:
 
     def _errors(self, t: np.ndarray) -> np.ndarray:
         """By how much surfaces' values (n, ..., m) at t may be off: what a small way along the gradient makes."""
-        along = t[..., None]
-        gradient = 2.0 * np.linalg.norm(
-            (self.of_origin[:, None] + along * self.of_direction[:, None])[..., :3], axis=-1
-        )
+        square = self.gradients[0] + t * (2.0 * self.gradients[1] + t * self.gradients[2])
+        gradient = 2.0 * np.sqrt(np.maximum(square, 0.0))
         way = ERROR * (2.0 * np.abs(self.origin).max(axis=-1)[:, None, None] + np.abs(t))
         bend = np.abs(self.surfaces[:, :3, :3]).max(axis=(1, 2))
         return way * (gradient + bend * way)

@@ -95,15 +95,15 @@ def test_no_ray_is_wrong_on_the_interpreter_in_float64(relation):
     tally.require(FEW)
 
 
-@pytest.mark.parametrize("relation", RELATIONS)
+@pytest.mark.parametrize("relation", ["shared", "opposite", "nested"])
 def test_rays_in_a_shared_face_are_on_one_side_of_it(relation):
     here, tally = suite(relation, placed=False), Tally()
     rays = in_the_plane(np.random.default_rng(2), 48)
     for number, (name, oracle) in enumerate(here):
         found = here.traced.met(number, *rays)
         tally.add(name, *agrees_on_a_side(found, oracle, *rays, two_sided=here.two_sided[number]))
-    # Rims that coincide are crossed at once, and what touches the plane is only touched.
-    tally.require(0.25)
+    # Rims that coincide are crossed at once.
+    tally.require(0.2)
 
 
 @pytest.mark.parametrize("relation", ["shared", "opposite", "nested"])

@@ -168,7 +168,7 @@ def test_layers_that_touch_refract_once_at_each_shared_face(reversed_):
     axis = layers[0].transform.matrix[:3, 2]
     draw = np.random.default_rng(4)
     across = layers[0].transform.matrix[:3, :2] @ draw.uniform(-2.0, 2.0, (2, 200))
-    origin, direction = towards(across.T - 3.0 * axis + 0.0, draw.uniform(-0.5, 0.5, (200, 3)))
+    origin, direction = towards(across.T - 3.0 * axis, draw.uniform(-0.5, 0.5, (200, 3)))
     start, way, left = origin, direction, np.full(200, NOTHING, np.int32)
     for index in (*(index for _, index in media), 1.0):
         met, normal, start, way, left, mirrored, through = here.refracted(start, way, left)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tasuki.scene import Camera, Material, PointLight, Polygon, Scene
-from tasuki.scene.solids import Box, Cone, Cylinder, Ellipsoid, HalfSpace, RoundedBox, Sphere, Tube
+from tasuki.scene.solids import Box, Cone, Cylinder, Ellipsoid, HalfSpace, Quadric, RoundedBox, Sphere, Tube
 from tasuki.scene.tree import Difference, Formula, Group, Instance, Intersection, Node, Union
 from tests.csg.pictures import SIDE, flat_material, rendered
 
@@ -131,3 +131,16 @@ def test_small_things_on_large_ground_keep_their_faces(half):
         return rendered(scene_of(ground, plate, replace(drilled, material=flat_material(146)), lights=()))
 
     assert (picture(half) != picture(100.0)).any(axis=2).mean() < 0.01
+
+
+def test_a_quadric_without_a_matrix_is_a_half_space():
+    nothing = ((0.0, 0.0, 0.0),) * 3
+    sloping = Quadric(nothing, centre=(0.0, 0.0, 0.2), linear=(0.0, 0.3, 2.0), constant=0.1, material=A.material)
+    plane = HalfSpace((0.0, 0.3, 2.0), (0.0, 0.0, 0.25), material=A.material)
+    for first, second in (
+        (sloping, plane),
+        (A - sloping, A - plane),
+        (A & sloping.rotate("x", 20.0), A & plane.rotate("x", 20.0)),
+    ):
+        differs = np.abs(rendered(scene_of(first)) - rendered(scene_of(second))).max(axis=2) > 1e-3
+        assert differs.mean() < 0.004
