@@ -214,8 +214,10 @@ def _moved_polygons(polygons: Polygons, frames: np.ndarray) -> Polygons:
     # Normals follow the inverse transposed; its multiple by the determinant does as well, and takes no division.
     linear = frames[:, :3, :3]
     a, b, c = (linear[:, :, axis] for axis in range(3))
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
-    mirrors = np.einsum("ki,ki->k", a, cofactors[:, :, 0]) < 0.0
+    # What leaves float64 here is found when primitives are verified.
+    with np.errstate(over="ignore", invalid="ignore"):
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
+        mirrors = np.einsum("ki,ki->k", a, cofactors[:, :, 0]) < 0.0
     cofactors[mirrors] *= -1.0
     normals = _times(cofactors, polygons.normals, frame)
     turned = replace(polygons, points=points, normals=normals)
@@ -246,7 +248,8 @@ def _times(matrices: np.ndarray, vectors: np.ndarray, frame: np.ndarray) -> np.n
 
 def _scales(frame: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """By how much a similarity stretches, (n,): the cube root of the volume of a unit cube."""
-    factors = np.cbrt(np.abs(np.linalg.det(frames[:, :3, :3])))
+    with np.errstate(over="ignore"):
+        factors = np.cbrt(np.abs(np.linalg.det(frames[:, :3, :3])))
     return np.append(factors, 1.0)[frame]
 
 

@@ -54,8 +54,8 @@ def _ball(leaf: Leaf) -> np.ndarray | None:
     """Centre and radius, (4,), of a quadric that is a sphere in the scene; None of any other."""
     inverse = np.linalg.inv(leaf.matrix)
     values = inverse.T @ np.asarray(leaf.values) @ inverse
-    q = values[:3, :3] / np.abs(values[:3, :3]).max()
-    if np.abs(q - np.eye(3)).max() > 1e-9:
+    largest = np.abs(values[:3, :3]).max()
+    if largest == 0.0 or np.abs(values[:3, :3] / largest - np.eye(3)).max() > 1e-9:
         return None
     values = values / values[0, 0]
     centre = -values[:3, 3]

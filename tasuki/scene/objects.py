@@ -67,7 +67,8 @@ class Matrices:
         records = np.zeros(len(self.kept), record_dtype("Matrix"))
         matrices = self.to_scene()
         matrices[:, :3, 3] -= origin
-        records["m"] = np.linalg.inv(matrices)
+        with np.errstate(over="ignore"):
+            records["m"] = np.linalg.inv(matrices)
         return records
 
 

@@ -99,7 +99,7 @@ def pack(scene: Scene) -> Packed:
     textures = lower_textures(flat.materials)
     for name, records in [*_records(flat, primitives, objects).items(), *textures.tables.items()]:
         builder.add(name, records)
-    builder.add("matrices", matrices.records(origin))
+    builder.add("matrices", _verified("matrix", matrices.records(origin)))
     builder.add("media", media(flat, objects, lookup("quadric").number, origin))
     attributes = _attributes(flat.materials, textures.codes, len(scene.lights))
     builder.add("attributes", _verified("material", attributes))
@@ -227,6 +227,5 @@ def _not_finite(records: np.ndarray) -> np.ndarray:
     for name in records.dtype.names or ():
         values = records[name]
         if values.dtype.kind == "f":
-            finite = np.isfinite(values)
-            bad |= ~(finite.all(axis=1) if finite.ndim > 1 else finite)
+            bad |= ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     return bad

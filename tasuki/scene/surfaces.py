@@ -64,7 +64,10 @@ def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np
             values = values / np.linalg.norm(values[:, :3], axis=1, keepdims=True)
         else:
             values = np.einsum("nji,njk,nkl->nil", inverses, values, inverses)
-            values = values / np.abs(values[:, :3, :3]).max(axis=(1, 2), keepdims=True)
+            largest = np.abs(values[:, :3, :3]).max(axis=(1, 2), keepdims=True)
+            # Without Q it is a plane, in an equation that Q is no measure of.
+            flat = np.linalg.norm(2.0 * values[:, :3, 3], axis=1)[:, None, None]
+            values = values / np.where(largest > 0.0, largest, flat)
     finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
     for number in np.flatnonzero(~finite)[:1]:
         expected = "sizes and places whose squares are within the range of float64"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tasuki.diagnostics import SceneError
 from tasuki.modules import records
-from tasuki.scene import Camera, Cone, Material, PointLight, Polygon, Scene, Sphere
+from tasuki.scene import Camera, Cone, Cylinder, Material, PointLight, Polygon, Scene, Sphere
 from tasuki.scene import lower as lowering
 from tasuki.scene.flatten import flatten
 from tasuki.scene.kinds import lookup
@@ -265,3 +265,10 @@ def test_a_picture_beyond_the_addresses_is_refused_before_it_is_allocated():
         builder.add("picture", (records.Pixel, 2 * MOST_ROWS))
     with pytest.raises(ValueError, match="already"):
         builder.add("views", (records.View, 1))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("factor", "expected"), [(1e-150, "matrix 0 cannot be packed"), (1e200, "cannot be placed")])
+def test_scales_that_no_float_holds_are_told(factor, expected):
+    with pytest.raises(SceneError, match=expected):
+        packed(Cylinder((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.1).scale(factor))
