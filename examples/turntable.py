@@ -1,4 +1,4 @@
-"""A mesh, or any scene of polygons, turned once round its upward axis in 100 frames.
+"""A mesh, or any bounded scene, turned once round its upward axis in 100 frames.
 
 python examples/turntable.py mesh.glb frames
 
@@ -37,7 +37,7 @@ def turntable(scene_file: Path, folder: Path, frames: int = FRAMES, size: int = 
     scene = load_scene(scene_file)
     folder.mkdir(parents=True, exist_ok=True)
     renderer = ScanlineRenderer(scene, RenderOptions(size, size))
-    points = scene.shapes.polygons.points
+    points = renderer.mesh.vertices["position"] + renderer.origin
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
     up = np.array(scene.camera.up) / np.linalg.norm(scene.camera.up)
     seconds = []
