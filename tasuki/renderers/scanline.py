@@ -39,8 +39,8 @@ BANDS_PER_THREAD = 16
 """Threads take bands as they get done: with this many, the last one out keeps the others waiting for little."""
 LEAST_BAND = 3
 """A band has at least 2**LEAST_BAND rows: an edge has an entry in each band that it reaches."""
-ITEMS_PER_THREAD = 16384
-"""Fewer items than this are not worth another thread."""
+ALONE = 16384
+"""So many items, or fewer, are done at once: to start threads would take longer."""
 CHUNK = 1024
 """Items that one of several threads takes at a time."""
 SERIAL = (reference.begin_frame, edges.lay_out_buckets, spans.draw_band)
@@ -228,9 +228,8 @@ class ScanlineRenderer:
         if self.options.machine == "python":
             self._run_plainly(entry, items)
         elif items:
-            serial = entry in SERIAL
-            threads = min(self.options.threads, items if serial else -(-items // ITEMS_PER_THREAD))
-            chunk = items if threads == 1 else 1 if serial else CHUNK
+            chunk = 1 if entry in SERIAL else items if items <= ALONE else CHUNK
+            threads = min(self.options.threads, -(-items // chunk))
             program = self.programs[entry]
             program.run([Number()], items, tables=self.tables, threads=threads, chunk=chunk)
             self._profile += program.profile
