@@ -295,10 +295,10 @@ class BodyLowering:
             case ir.Construct():
                 return self.construct(node, into)
             case ir.Load():
-                slot, index = self.table(node.table), self.scalar(node.index)
+                slot, at = self.table(node.table), self.scalar(node.index)
                 type_, leaves = at_path(slot.record, node.path)
                 self.come_from(node)
-                return self.memory.load(slot, index, leaves, type_, into)
+                return self.memory.load(slot, at, leaves, type_, into)
             case ir.Length():
                 return [self.program.length(self, self.table(node.table), into)]
         raise self.refusal(f"{type(node).__name__} is not an expression with a value", node.span)

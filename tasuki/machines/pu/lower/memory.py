@@ -7,12 +7,12 @@ or stored goes row by row: one memory access brings all parts that lie in a row.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from tasuki.ir.types import BOOL, I32, Record, Type, Vector
+from tasuki.ir.types import BOOL, I32, Record, Scalar, Type, Vector
 from tasuki.machines.pu.lower.code import Operand, Origin, Place, Word
-from tasuki.machines.pu.lower.parts import part_starts, parts
+from tasuki.machines.pu.lower.parts import COMPONENTS, part_starts, parts
 from tasuki.machines.pu.lower.values import Arithmetic, Value
 
 TAKEN = ("base", "stride", "count", "width", "br", "ir", "ar", "ir2", "ar2")
@@ -30,11 +30,12 @@ class RecordText:
     def of(cls, name: str, record: Record) -> RecordText:
         names = _Names()
         rows: list[tuple[str, list[str]]] = []
-        labels = _leaf_names(record)
-        for (row, bank), label in zip(record.layout, labels, strict=True):
+        for part, places in _parts_in_rows(record):
+            row = places[0][0]
             if row == len(rows):
-                rows.append((names.fresh(f"{label}_row"), ["-"] * 4))
-            rows[row][1][bank] = names.fresh(label)
+                rows.append((names.fresh(part if len(places) > 1 else f"{part}_row"), ["-"] * 4))
+            for component, (_, bank) in zip(COMPONENTS if len(places) > 1 else ("",), places, strict=False):
+                rows[row][1][bank] = names.fresh(f"{part}_{component}" if component else part)
         return cls(name, tuple((row, tuple(words)) for row, words in rows))
 
     @property
@@ -57,10 +58,17 @@ class _Names:
         return name
 
 
-def _leaf_names(type_: Type, prefix: str = "") -> list[str]:
-    if not type_.members:
+def _parts_in_rows(record: Record) -> Iterator[tuple[str, Sequence[tuple[int, int]]]]:
+    """For each scalar and vector of a record its name, and the row and bank of each of its words."""
+    starts = [*part_starts(record), len(record.leaves)]
+    for name, start, end in zip(_part_names(record, ""), starts, starts[1:], strict=False):
+        yield name, record.layout[start:end]
+
+
+def _part_names(type_: Type, prefix: str) -> list[str]:
+    if isinstance(type_, Scalar | Vector):
         return [prefix.removesuffix("_")]
-    return [leaf for name, member in type_.members for leaf in _leaf_names(member, f"{prefix}{name}_")]
+    return [part for name, member in type_.members for part in _part_names(member, f"{prefix}{name}_")]
 
 
 @dataclass(frozen=True)
