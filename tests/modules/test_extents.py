@@ -82,7 +82,9 @@ def nodes_over(scene: Scene, seed: int) -> np.ndarray:
     def group(members: list[int]) -> None:
         first = len(rows)
         inside = np.array([spheres_around[thing] for thing in members])
-        rows.append([around(inside, np.zeros(len(inside), int), 1)[0] if (inside[:, 3] >= 0.0).all() else (0.0, 0.0, 0.0, -1.0), 0, -1])
+        bounded = (inside[:, 3] >= 0.0).all()
+        extent = around(inside, np.zeros(len(inside), int), 1)[0] if bounded else (0.0, 0.0, 0.0, -1.0)
+        rows.append([extent, 0, -1])
         while members:
             count = int(draw.integers(1, len(members) + 1))
             if count > 3 and draw.random() < 0.7:

@@ -23,7 +23,8 @@ CAMERA = Camera(eye=(0.0, -6.0, 1.5), at=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), an
 FLOOR = Polygon(
     ((-9.0, -9.0, 0.0), (9.0, -9.0, 0.0), (9.0, 9.0, 0.0), (-9.0, 9.0, 0.0)), material=Material(colour=(0.8, 0.5, 0.3))
 )
-RED = Sphere((-0.8, 1.0, 1.0), 1.0, material=Material(colour=(0.9, 0.2, 0.1), diffuse=0.7, reflection=0.2, specular=0.3))
+PAINT = Material(colour=(0.9, 0.2, 0.1), diffuse=0.7, reflection=0.2, specular=0.3)
+RED = Sphere((-0.8, 1.0, 1.0), 1.0, material=PAINT)
 LIGHTS = (PointLight((3.0, -5.0, 6.0)), PointLight((-4.0, -2.0, 5.0)))
 AIR = Material(diffuse=0.0, ambient=0.0, specular=0.0, transmission=1.0, index=1.0)
 

@@ -45,7 +45,7 @@ def test_what_cannot_be_registered():
     with pytest.raises(SceneError, match="there is a primitive kind 'cone' already"):
         register(surface("cone"))
     solid = PrimitiveKind("torus", "solid", "a:b", "a:b", span="a:b", normal="a:b")
-    with pytest.raises(SceneError, match="(?s)a solid has the modules span, normal, inside, box.*no inside"):
+    with pytest.raises(SceneError, match=r"(?s)a solid has the modules span, normal, inside, box.*no inside"):
         register(solid)
     for number in range(len(kinds.kinds()), kinds.MOST_KINDS):
         register(surface(f"kind {number}"))
