@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from functools import cache
 from time import perf_counter
 from typing import Any
 
@@ -276,7 +277,13 @@ class ScanlineRenderer:
     def records(self, name: str, record: Any) -> np.ndarray:
         """The records of a table: a view."""
         table = self.tables[name]
-        return table.memory.reshape(-1).view(record.numpy_dtype())[: table.count]
+        return table.memory.reshape(-1).view(_dtype(record))[: table.count]
+
+
+@cache
+def _dtype(record: Any) -> np.dtype:
+    """How a record lies in memory: asked for several times a frame."""
+    return record.numpy_dtype()
 
 
 def _table(name: str, content: np.ndarray | tuple[Any, int]) -> MemoryTable:
@@ -284,7 +291,7 @@ def _table(name: str, content: np.ndarray | tuple[Any, int]) -> MemoryTable:
     if isinstance(content, np.ndarray):
         dtype, count = content.dtype, len(content)
     else:
-        dtype, count = content[0].numpy_dtype(), content[1]
+        dtype, count = _dtype(content[0]), content[1]
     rows = max(1, count) * dtype.itemsize // 16
     if rows > MOST_ROWS:
         raise SceneError(
