@@ -100,6 +100,7 @@ def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray) -> np.
     numbers, boxes = _boxes(flat, objects, origin)
     rows = np.full(len(flat.objects), -1)
     rows[objects.numbers] = np.arange(len(objects.numbers))
+    neighbours = _Neighbours(boxes)
     records = []
     for place in np.argsort(numbers, kind="stable").tolist():
         number = int(numbers[place])
@@ -110,7 +111,7 @@ def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray) -> np.
         if not clear[material] or (sort == SPHERE and flat.shapes.spheres.radius[position] < 0.0):
             continue
         mixed = sort == OBJECT and _is_mixed(flat.objects[position].root)
-        if mixed or _meets(boxes, place):
+        if mixed or neighbours.meets(place):
             code = position * 32 + quadric if sort == SPHERE else int(rows[position]) * 32 + OBJECT_KIND
             records.append((boxes[place], code, material))
     return _media_records(records)
@@ -131,11 +132,22 @@ def _boxes(flat: Flat, objects: Objects, origin: np.ndarray) -> tuple[np.ndarray
     return np.concatenate([*numbers, of_objects]), np.concatenate([shapes, objects.boxes])
 
 
-def _meets(boxes: np.ndarray, place: int) -> bool:
-    """Whether the box at `place` touches any other."""
-    mine = boxes[place]
-    apart = (boxes[:, :3] > mine[3:] + TOUCHING).any(axis=1) | (boxes[:, 3:] < mine[:3] - TOUCHING).any(axis=1)
-    return bool((~apart).sum() > 1)
+class _Neighbours:
+    """Boxes (n, 6) along the x axis, so that of many only those near one are looked at."""
+
+    def __init__(self, boxes: np.ndarray) -> None:
+        order = np.argsort(boxes[:, 0], kind="stable")
+        self.boxes = boxes
+        self.sorted = boxes[order]
+        self.reached = np.maximum.accumulate(self.sorted[:, 3])
+
+    def meets(self, place: int) -> bool:
+        """Whether the box at `place` touches any other."""
+        low, high = self.boxes[place, :3] - TOUCHING, self.boxes[place, 3:] + TOUCHING
+        first = np.searchsorted(self.reached, low[0])
+        near = self.sorted[first : np.searchsorted(self.sorted[:, 0], high[0], side="right")]
+        apart = (near[:, :3] > high).any(axis=1) | (near[:, 3:] < low).any(axis=1)
+        return bool((~apart).sum() > 1)
 
 
 def _is_mixed(root: Tree) -> bool:

@@ -13,9 +13,10 @@ from tasuki.modules import records
 from tasuki.scene import Camera, Cone, Cylinder, Material, PointLight, Polygon, Scene, Sphere
 from tasuki.scene import lower as lowering
 from tasuki.scene.flatten import flatten
-from tasuki.scene.kinds import lookup
+from tasuki.scene.kinds import OBJECT, lookup
 from tasuki.scene.memory import MOST_ROWS, MemoryBuilder
 from tasuki.scene.pack import pack, verify
+from tasuki.scene.solids import Box
 from tests.scene.strategies import polygons
 
 CAMERA = Camera((0.0, -5.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 45.0)
@@ -272,3 +273,16 @@ def test_a_picture_beyond_the_addresses_is_refused_before_it_is_allocated():
 def test_scales_that_no_float_holds_are_told(factor, expected):
     with pytest.raises(SceneError, match=expected):
         packed(Cylinder((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.1).scale(factor))
+
+
+@given(st.integers(1, 20), st.integers(0, 1 << 16))
+def test_glass_that_touches_something_is_a_medium(count, seed):
+    # Boxes with whole coordinates: many touch.
+    draw = np.random.default_rng(seed)
+    low = draw.integers(0, 9, (count, 3))
+    high = low + draw.integers(1, 4, (count, 3))
+    material = Material(transmission=0.5)
+    boxes = [Box(tuple(a), tuple(b), material=material) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+    touches = ((low[:, None] <= high) & (high[:, None] >= low)).all(axis=2).sum(axis=1) > 1
+    media = packed(*boxes).build().table("media")
+    assert media["code"].tolist() == [number * 32 + OBJECT for number in np.flatnonzero(touches)]
