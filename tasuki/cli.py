@@ -155,8 +155,8 @@ def render(
         str, typer.Option(metavar="static|dynamic", help="Machine pu: how processor units come by their work.")
     ] = "dynamic",
     work: Annotated[
-        str, typer.Option(metavar="pixels|scanlines", help="Machine pu: what is given to a unit at a time.")
-    ] = "pixels",
+        str, typer.Option(metavar="N|scanline", help="Machine pu: pixels that a unit gets at a time.")
+    ] = "4",
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write counts and timings.")] = None,
     profile: Annotated[bool, typer.Option("--profile", help="Show the cycles, or steps, of each module.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -181,7 +181,7 @@ def render(
         "schedule": schedule,
         "clock": clock,
         "distribution": distribution,
-        "work": work,
+        "work": int(work) if work.isdecimal() else work,
         "count": stats is not None,
     }
     with reported(debug):

@@ -164,7 +164,8 @@ def print_pu_profile(content: dict[str, Any]) -> None:
     print(f"{per_pixel['mean']:,.0f} on average")
     busy = ", ".join(f"{unit} {share:.0%}" for unit, share in content["busy"].items())
     print(f"busy: {content['fpp_busy']:.2f} of 4 FPPs; {busy}")
-    print(f"{content['pus']:,} PUs, {content['distribution']} distribution of {content['work']}: ", end="")
+    work = content["work"] if content["work"] == "scanline" else f"{content['work']:,} pixels"
+    print(f"{content['pus']:,} PUs, {content['distribution']} distribution, {work} at a time: ", end="")
     print(f"{content['makespan']:,} steps, efficiency {content['efficiency']:.2%}, ", end="")
     print(f"{content['seconds']:.3g} s at {content['clock_megahertz']:g} MHz")
     room = content["makespan"] * content["pus"]

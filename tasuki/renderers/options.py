@@ -15,7 +15,7 @@ MOST_UNITS = 4096
 """Processor units."""
 Schedule = Literal["macro", "compact"]
 Distribution = Literal["static", "dynamic"]
-Work = Literal["pixels", "scanlines"]
+Work = int | Literal["scanline"]
 MOST_PIXELS = 1 << 27
 """They take 32 bytes each of a memory of 8 GiB, half of which is left for the scene."""
 
@@ -39,7 +39,7 @@ class RenderOptions:
     without checks of their accesses to tables.
     `machine`: "cpu", "python" or "pu". For the latter `pus` is the number of processor units, `schedule` how their
     microcode is laid out, `clock` their steps in a second, in millions, and `distribution` how they come by their
-    `work`: static (interleaved) or dynamic, a pixel or a row of them at a time.
+    `work`, static (interleaved) or dynamic: so many pixels at a time, counted row by row, or a scanline of the region.
     `accelerator`: one of `tasuki.renderers.accelerators`. `count`: afterwards the search is counted
     (`tasuki.renderers.search_counts`).
     """
@@ -60,7 +60,7 @@ class RenderOptions:
     schedule: Schedule = "compact"
     clock: float = 5.0
     distribution: Distribution = "dynamic"
-    work: Work = "pixels"
+    work: Work = 4
 
     def __post_init__(self) -> None:
         for name, least, most in (
@@ -103,13 +103,15 @@ class RenderOptions:
         for name, known in (
             ("schedule", get_args(Schedule)),
             ("distribution", get_args(Distribution)),
-            ("work", get_args(Work)),
         ):
             value = getattr(self, name)
             if value not in known:
                 raise SceneError(
                     str(Diagnostic(f"unknown {name} {value!r}", expected=", ".join(known), found=repr(value)))
                 )
+        if self.work != "scanline" and not (isinstance(self.work, Integral) and 1 <= self.work <= MOST_PIXELS):
+            expected = f"scanline, or 1 to {MOST_PIXELS:,} pixels"
+            raise SceneError(str(Diagnostic("no such piece of work", expected=expected, found=str(self.work))))
         if not (isinstance(self.clock, Real) and 0 < self.clock < float("inf")):
             raise SceneError(
                 str(Diagnostic("the clock is out of range", expected="more than 0", found=str(self.clock)))

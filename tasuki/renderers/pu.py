@@ -8,6 +8,7 @@ of them would do together follows from these steps (`tasuki.machines.pu.system`)
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
@@ -29,6 +30,8 @@ CHUNK = 4096
 """Pixels between two reports of progress, at least. Data memory is copied for each chunk."""
 MOST_CHUNKS = 50
 MEGAHERTZ = 1e6
+Run = tuple[PUProgram, npt.NDArray[np.int64]]
+"""A program, and how often each of its microinstructions ran."""
 PICTURE_TABLES = ("arguments", "picture", "ray_counts")
 """Tables of the program that are no part of the scene: nobody sends them to the PUs."""
 
@@ -87,7 +90,8 @@ class MicrocodeTracer:
 
     def system(self, units: int) -> System:
         """So many PUs, with this scene and the options' distribution of work."""
-        pixels = 1 if self.options.work == "pixels" else self.options.region.width
+        work = self.options.work
+        pixels = self.options.region.width if isinstance(work, str) else work
         clock = self.options.clock * MEGAHERTZ
         return System(units, self.options.distribution, pixels, self.scene_rows(), clock=clock)
 
@@ -104,7 +108,7 @@ class MicrocodeTracer:
             "fpp_busy": mean_busy(counters),
             "busy": {unit: counters.busy_share(unit) for unit in UNITS},
             **self._system_report(),
-            "modules": self.module_rows(),
+            "modules": module_rows([(self.compiled, self.executions)]),
         }
 
     def _system_report(self) -> dict[str, Any]:
@@ -130,29 +134,30 @@ class MicrocodeTracer:
             "display_binds": frame.display_binds,
         }
 
-    def module_rows(self) -> list[dict[str, Any]]:
-        """Steps of each module, without those that it calls, the most first; the mean number of FPPs busy in them.
 
-        The module "" takes pixels from the control processor, and goes from one to the next.
-        """
-        counters: defaultdict[str, Counters] = defaultdict(Counters)
-        lengths = Counter(self.compiled.modules)
-        for word, module, times in zip(
-            self.compiled.words.words, self.compiled.modules, self.executions.tolist(), strict=True
-        ):
+def module_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
+    """Steps of each module, without those that it calls, the most first; the mean number of FPPs busy in them.
+
+    The module "" takes items from the control processor, and goes from one to the next.
+    """
+    counters: defaultdict[str, Counters] = defaultdict(Counters)
+    lengths: Counter[str] = Counter()
+    for program, executions in runs:
+        lengths.update(program.modules)
+        for word, module, times in zip(program.words.words, program.modules, executions.tolist(), strict=True):
             counters[module].add(word, times)
-        total = sum(part.steps for part in counters.values()) or 1
-        rows = [
-            {
-                "module": module,
-                "words": lengths[module],
-                "steps": part.steps,
-                "share": part.steps / total,
-                "fpp_busy": mean_busy(part),
-            }
-            for module, part in counters.items()
-        ]
-        return sorted(rows, key=lambda row: (-row["steps"], row["module"]))
+    total = sum(part.steps for part in counters.values()) or 1
+    rows = [
+        {
+            "module": module,
+            "words": lengths[module],
+            "steps": part.steps,
+            "share": part.steps / total,
+            "fpp_busy": mean_busy(part),
+        }
+        for module, part in counters.items()
+    ]
+    return sorted(rows, key=lambda row: (-row["steps"], row["module"]))
 
 
 def mean_busy(counters: Counters) -> float:

@@ -65,7 +65,7 @@ def render(
     schedule: str = "compact",
     clock: float = 5.0,
     distribution: str = "dynamic",
-    work: str = "pixels",
+    work: int | str = 4,
     progress: Progress | None = None,
 ) -> Picture:
     """A picture of a scene, or of the scene in a file.
@@ -78,8 +78,8 @@ def render(
     pictures with much glass far faster (1/500 is not seen in 8 bits). `threads`: by default one for each processor;
     their number does not change the picture. `machine` "python" runs the modules' own source, one pixel after another:
     slow, and open to any debugger; the picture is the same. `machine` "pu" is the paper's: `pus` processor units,
-    simulated, of `clock` million steps a second; the `schedule` of their microcode is "macro" or "compact", the
-    `distribution` of "pixels" or "scanlines", their `work`, "static" or "dynamic" (docs/pu-manual.md). `modules` fills
+    simulated, of `clock` million steps a second; the `schedule` of their microcode is "macro" or "compact"; they get
+    `work`, so many pixels or a "scanline" at a time, by "static" or "dynamic" `distribution`. `modules` fills
     sockets, by name, with modules of yours, given as they are or as "FILE.py:NAME". `with_files` are run first: they
     register solids, textures and accelerators of yours. `accelerator` keeps the search for hits short; it does not
     change the picture. Where modules of yours take part, accesses to tables are checked unless `unchecked`. `profile`
