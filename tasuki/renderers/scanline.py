@@ -83,10 +83,13 @@ class ScanlineRenderer:
         self.look(scene.camera)
         self.place(np.eye(4))
         self.seconds["build"] = perf_counter() - started
-        checked = bool(modules) and not options.unchecked
-        self.programs = {entry: self._compile(entry, checked) for entry in (*SERIAL, *LANES)}
+        self._compile(bool(modules) and not options.unchecked)
 
-    def _compile(self, entry: Module, checked: bool) -> Executable:
+    def _compile(self, checked: bool) -> None:
+        """Make ready what `_run` runs."""
+        self.programs = {entry: self._program(entry, checked) for entry in (*SERIAL, *LANES)}
+
+    def _program(self, entry: Module, checked: bool) -> Executable:
         profile = self.options.profile
         # LLVM cannot pass the mask of a single lane to a function, and profiled modules are functions.
         serial = 2 if profile else 1

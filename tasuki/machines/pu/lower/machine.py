@@ -32,7 +32,7 @@ class PUProgram:
 
     `source` is macro assembler source, `words` what it assembles to. `modules[i]` is the module for which word i
     counts. `tables` are those that have a descriptor, in the order of their rows: named tables by their name, table
-    parameters of the entry as "parameter NAME", and the tables of items.
+    parameters of the entry as "parameter NAME", and the tables of items. `bases` are their base registers.
     """
 
     source: str
@@ -40,6 +40,7 @@ class PUProgram:
     modules: tuple[str, ...]
     tables: tuple[str, ...]
     records: Mapping[str, Record]
+    bases: Mapping[str, int]
     own_rows: int
     entry: str
     sites: tuple[AccessSite, ...]
@@ -64,9 +65,11 @@ def compile_program(program: Program, schedule: Schedule = "macro", *, checked: 
         compacted = compact(words)
         words, modules = compacted.program, tuple(_most(modules, group) for group in compacted.sources)
     records = {key: _record(lowered, key) for key in lowered.tables}
+    # The macro assembler gives base registers to tables in the order of their declaration.
+    bases = {slot.key: number for number, slot in enumerate(lowered.slots) if slot.key in records}
     tables, sites = tuple(lowered.tables), tuple(lowered.sites)
     rows = own_rows(lowered)
-    return PUProgram(assembly.source, words, modules, tables, records, rows, program.entry, sites, _home(words))
+    return PUProgram(assembly.source, words, modules, tables, records, bases, rows, program.entry, sites, _home(words))
 
 
 def _home(program: isa.Program) -> int:
