@@ -90,7 +90,8 @@ class MicrocodeTracer:
 
     def system(self, units: int) -> System:
         """So many PUs, with this scene and the options' distribution of work."""
-        pixels = 1 if self.options.work == "pixels" else self.options.region.width
+        work = self.options.work
+        pixels = self.options.region.width if isinstance(work, str) else work
         clock = self.options.clock * MEGAHERTZ
         return System(units, self.options.distribution, pixels, self.scene_rows(), clock=clock)
 
