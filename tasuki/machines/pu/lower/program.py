@@ -56,8 +56,6 @@ class Lowered:
     slots: list[Slot]
     tables: list[str]
     """The tables that have a descriptor, in the order of their rows."""
-    arguments: Record | None
-    results: Record | None
     frame_rows: int
     sites: list[AccessSite]
 
@@ -86,8 +84,7 @@ class ProgramLowering:
 
     def __post_init__(self) -> None:
         self._labels: Counter[str] = Counter()
-        self._words: set[str] = {"item", "done", "descriptors", "frame"}
-        self._names: dict[str, str] = {}
+        self._words: set[str] = {"start", "item", "frame"}
         self._open: list[int] = []
         functions = reachable(self.program)
         self._calls = Counter(name for function in functions for name in callees(function.body))
@@ -114,22 +111,25 @@ class ProgramLowering:
         for name, record in ((ARGUMENTS, given), (RESULTS, made)):
             if record:
                 code.effect("next", Word(self.slots[name].name, "table"))
-        prologue = Code(origin=code.origin)
-        for number, name in enumerate(self.described):
-            prologue.effect("place", Word(self.slots[name].name, "table"), number)
-        for slot in self.slots.values():
-            if slot.is_array:
-                prologue.effect("open", Word(slot.name, "table"))
-        prologue.effect("halt")
-        prologue.label("item")
-        code.items[:0] = prologue.items
         code.effect("halt")
         code.jump("item")
+        code.items[:0] = self._prologue().items
         allocated = self._allocate("start", code, {}, [])
         routines = [routine.allocated for routine in self.routines.values()]
-        return Lowered(
-            allocated, routines, list(self.slots.values()), self.described, given, made, self.frame_rows, self.sites
-        )
+        slots = list(self.slots.values())
+        return Lowered(allocated, routines, slots, self.described, self.frame_rows, self.sites)
+
+    def _prologue(self) -> Code:
+        """Sets up the registers of tables and arrays."""
+        code = Code(origin=Origin("", None))
+        for number, name in enumerate(self.described):
+            code.effect("place", Word(self.slots[name].name, "table"), number)
+        for slot in self.slots.values():
+            if slot.is_array:
+                code.effect("open", Word(slot.name, "table"))
+        code.effect("halt")
+        code.label("item")
+        return code
 
     def _bound_arguments(self, entry: ir.Function, record: Record | None, memory: MemoryAccess) -> dict[str, Bound]:
         """The entry's parameters: its tables, and the record of the item's values."""
