@@ -158,12 +158,36 @@ def print_profile(rows: Sequence[dict[str, Any]]) -> None:
 
 def print_pu_profile(content: dict[str, Any]) -> None:
     """Where the steps of a picture on processor units went: the units of one of them, the PUs together, the modules."""
-    per_pixel = content["steps_per_pixel"]
     print(f"schedule {content['schedule']}: {content['words']:,} microinstructions")
-    print(f"{content['steps']:,} steps; a pixel takes {per_pixel['min']:,} to {per_pixel['max']:,}", end=", ")
-    print(f"{per_pixel['mean']:,.0f} on average")
+    print(f"{content['steps']:,} steps", end="")
+    if "passes" in content:
+        print(f"; {content['seconds']:.3g} s at {content['clock_megahertz']:g} MHz")
+    else:
+        per_pixel = content["steps_per_pixel"]
+        print(f"; a pixel takes {per_pixel['min']:,} to {per_pixel['max']:,}, {per_pixel['mean']:,.0f} on average")
     busy = ", ".join(f"{unit} {share:.0%}" for unit, share in content["busy"].items())
     print(f"busy: {content['fpp_busy']:.2f} of 4 FPPs; {busy}")
+    if "passes" in content:
+        _print_passes(content)
+    else:
+        _print_units(content)
+    columns = ["module", "words", "steps", "share", "busy FPPs"]
+    table = [
+        [
+            row["module"].removeprefix("tasuki.modules.") or "(from item to item)",
+            f"{row['words']:,}",
+            f"{row['steps']:,}",
+            f"{row['share']:.1%}",
+            f"{row['fpp_busy']:.2f}",
+        ]
+        for row in content["modules"]
+        if row["steps"]
+    ]
+    print_table("", columns, table, columns[1:])
+
+
+def _print_units(content: dict[str, Any]) -> None:
+    """What the processor units took together, and what held them up."""
     work = content["work"] if content["work"] == "scanline" else f"{content['work']:,} pixels"
     print(f"{content['pus']:,} PUs, {content['distribution']} distribution, {work} at a time: ", end="")
     print(f"{content['makespan']:,} steps, efficiency {content['efficiency']:.2%}, ", end="")
@@ -176,18 +200,15 @@ def print_pu_profile(content: dict[str, Any]) -> None:
     for name, units in content["saturating_units"].items():
         if units is not None:
             print(f"from {units:,.0f} PUs on the {name.replace('_', ' ')} holds them up")
-    columns = ["module", "words", "steps", "share", "busy FPPs"]
-    table = [
-        [
-            row["module"].removeprefix("tasuki.modules.") or "(from pixel to pixel)",
-            f"{row['words']:,}",
-            f"{row['steps']:,}",
-            f"{row['share']:.1%}",
-            f"{row['fpp_busy']:.2f}",
-        ]
-        for row in content["modules"]
-        if row["steps"]
-    ]
+
+
+def _print_passes(content: dict[str, Any]) -> None:
+    """The passes of the scanline method, and what the display memory is spared."""
+    display = content["display"]
+    print(f"display memory: {display['writes']:,} pixels written, once each; a depth buffer would write ", end="")
+    print(f"{display['depth_buffer_writes']:,} and read {display['depth_buffer_reads']:,}")
+    columns = ["pass", "words", "items", "steps"]
+    table = [[row["entry"], *(f"{row[name]:,}" for name in columns[1:])] for row in content["passes"]]
     print_table("", columns, table, columns[1:])
 
 

@@ -96,9 +96,6 @@ def render(
     if profile and machine not in PROFILED:
         expected = " or ".join(PROFILED)
         raise SceneError(str(Diagnostic("this machine cannot be profiled", expected=expected, found=machine)))
-    if (method, machine) == ("scanline", "pu"):
-        expected = "the method 'raytrace'"
-        raise SceneError(str(Diagnostic("the machine 'pu' only traces rays yet", expected=expected, found=method)))
     options_for = partial(
         _options,
         machine=machine,
@@ -252,7 +249,7 @@ def _make(method: str, scene: Scene, options: RenderOptions, fillers: Mapping[st
     from tasuki.renderers.picture import Picture
 
     compiled_before = REPORT.seconds
-    renderer = _renderer(method)(scene, options, fillers)
+    renderer = _renderer(method, options.machine)(scene, options, fillers)
     compiling = REPORT.seconds - compiled_before
     try:
         pixels = renderer.render(lambda share: tell("rendering", share))
@@ -271,7 +268,12 @@ def _make(method: str, scene: Scene, options: RenderOptions, fillers: Mapping[st
     return picture
 
 
-def _renderer(method: str) -> type[RayTracer] | type[ScanlineRenderer]:
+def _renderer(method: str, machine: str) -> type[RayTracer] | type[ScanlineRenderer]:
+    if (method, machine) == ("scanline", "pu"):
+        from tasuki.renderers.scanline_pu import MicrocodeScanline
+
+        return MicrocodeScanline
+
     if method == "scanline":
         from tasuki.renderers.scanline import ScanlineRenderer
 
@@ -339,10 +341,15 @@ def _machine(renderer: RayTracer | ScanlineRenderer) -> dict[str, Any]:
 
 def _processor_units(renderer: RayTracer | ScanlineRenderer) -> dict[str, Any] | None:
     """What the picture took on processor units, if it was made by them."""
-    from tasuki.renderers.raytrace import RayTracer
-
-    if not (isinstance(renderer, RayTracer) and renderer.microcode):
+    if renderer.options.machine != "pu":
         return None
+    from tasuki.renderers.raytrace import RayTracer
+    from tasuki.renderers.scanline_pu import MicrocodeScanline
+
+    if isinstance(renderer, MicrocodeScanline):
+        return renderer.report()
+    assert isinstance(renderer, RayTracer)
+    assert renderer.microcode
     return renderer.microcode.report()
 
 

@@ -108,7 +108,7 @@ def test_the_report_adds_up():
         ({"work": 0}, "no such piece of work"),
         ({"clock": 0.0}, "the clock is out of range"),
         ({"clock": float("nan")}, "the clock is out of range"),
-        ({"method": "scanline"}, "only traces rays yet"),
+        ({"method": "scanline", "pus": 2}, "the scanline method runs on one processor unit"),
     ],
 )
 def test_wrong_options_are_named(options, message):
