@@ -184,6 +184,18 @@ def test_more_tables_than_the_address_generator_has_registers_are_refused():
         Executable(made)
 
 
+def test_inlining_does_not_grow_beyond_measure():
+    """Twelve functions that call each other twice: 4,096 copies of the last, if nobody looked."""
+    x, y = local("x", F32), local("y", F32)
+    functions = [function([n.Return(op("multiply", x, f(0.5)))], {"x": F32}, F32, name="f0")]
+    for number in range(1, 13):
+        inner = (n.Call("y", f"f{number - 1}", (x,)), n.Call("y", f"f{number - 1}", (y,)))
+        functions.append(function([*inner, n.Return(y)], {"x": F32}, F32, {"y": F32}, name=f"f{number}"))
+    made = program(*reversed(functions))
+    assert len(Executable(made).compiled.words.words) < 1000
+    agree(made, [[np.array([3.0], np.float32)]], 1)
+
+
 def test_calls_deeper_than_the_call_stack_are_refused():
     x = local("x", F32)
     functions = [function([n.Return(op("sqrt", x))], {"x": F32}, F32, name="f0")]

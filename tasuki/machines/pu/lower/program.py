@@ -87,11 +87,8 @@ class ProgramLowering:
         self._words: set[str] = {"start", "item", "frame"}
         self._open: list[int] = []
         functions = reachable(self.program)
-        self._calls = Counter(name for function in functions for name in callees(function.body))
         self._assigned = {function.name: _assigned(function.body) for function in functions}
-        self._copies = {
-            function.name: _size(function.body) * (self._calls[function.name] - 1) for function in functions
-        }
+        self._inlined_names = _worth_inlining(self.program)
 
     def lower(self) -> Lowered:
         """The whole program. Raises SourceError with what the machine cannot do."""
@@ -150,7 +147,7 @@ class ProgramLowering:
     def call(self, caller: BodyLowering, node: ir.Call, arguments: Sequence[Bound]) -> Value:
         """The value of a call, inlined or not."""
         function = self.program.functions[node.function]
-        if self._copies[function.name] <= INLINED:
+        if function.name in self._inlined_names:
             return self._inlined(caller, function, arguments)
         return self._called(caller, function, arguments, node)
 
@@ -268,6 +265,35 @@ class ProgramLowering:
             name += "_"
         self._words.add(name)
         return name
+
+
+def _worth_inlining(program: ir.Program) -> set[str]:
+    """The functions whose bodies are copied to where they are called, callers before what they call."""
+    bodies: Counter[str] = Counter({program.entry: 1})
+    found: set[str] = set()
+    for function in _callers_first(program):
+        copies = bodies[function.name]
+        if _size(function.body) * (copies - 1) <= INLINED:
+            found.add(function.name)
+        else:
+            copies = 1
+        for callee in callees(function.body):
+            bodies[callee] += copies
+    return found
+
+
+def _callers_first(program: ir.Program) -> list[ir.Function]:
+    """The entry and what it reaches, every function behind all that call it."""
+    ended: dict[str, ir.Function] = {}
+
+    def visit(function: ir.Function) -> None:
+        if function.name not in ended:
+            for callee in callees(function.body):
+                visit(program.functions[callee])
+            ended[function.name] = function
+
+    visit(program.functions[program.entry])
+    return list(ended.values())[::-1]
 
 
 def _assigned(node: object) -> set[str]:
