@@ -26,6 +26,7 @@ from tasuki.modules.scanline.records import (
 from tasuki.modules.scanline.records import faces as mesh_faces
 
 ROW_BITS = 16
+MOST_ROWS = (1 << ROW_BITS) - 1
 SHORT = 1 << 17
 """In subpixels: 32 pixels."""
 
@@ -54,13 +55,14 @@ def edge_between(a: ScreenVertex, b: ScreenVertex, first: i32, second: i32, samp
     across = select(down, b.x, a.x) - top_x
     bottom_y = select(down, b.y, a.y)
     height = bottom_y - top_y
-    begin = first_from(top_y, sample_y)
-    end = first_from(bottom_y, sample_y)
+    # What was clipped may be rounded to a little outside.
+    begin = max(first_from(top_y, sample_y), 0)
+    end = min(first_from(bottom_y, sample_y), MOST_ROWS)
     edge = Edge(top_x, 0, 0, 0, height, 0, first, second)
     if begin < end:
         edge.rows = begin << ROW_BITS | end
-        # The first row lies less than a row below the upper end. An edge that crosses one row only needs no step.
-        way, edge.rest = slope_multiple(begin * SUBPIXEL + sample_y - top_y, SUBPIXEL_BITS, across, height)
+        # The first row lies not much more than a row below the upper end. An edge that crosses one only needs no step.
+        way, edge.rest = slope_multiple(begin * SUBPIXEL + sample_y - top_y, SUBPIXEL_BITS + 1, across, height)
         edge.x = top_x + way
         if begin + 1 < end:
             edge.step, edge.step_rest = slope_multiple(SUBPIXEL, SUBPIXEL_BITS + 1, across, height)
