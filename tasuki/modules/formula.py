@@ -9,7 +9,7 @@ The state of a literal at t follows from where the ray crosses its surface, neve
 coincide are one surface, crossed at one t, and so shared, opposite and touching faces cancel exactly.
 """
 
-from tasuki.language import all_lanes, any_lane, array, f32, i32, max, min, module, select, socket, vec3
+from tasuki.language import all_lanes, any_lane, array, f32, i32, max, min, module, record, select, socket, vec3
 from tasuki.modules.crossing import NOWHERE
 from tasuki.modules.frames import local_ray
 from tasuki.modules.records import UNION, Object, Token, bounds, tokens
@@ -62,18 +62,46 @@ def literal_span(
     return before != inverted, after != inverted, coming
 
 
+@record
+class Lasting:
+    """A state along a ray, and a bound until which it does not change."""
+
+    state: bool
+    until: f32
+
+
+@record
+class Change:
+    """States just before and just after one place on a ray, and the rank of the literal that shows there."""
+
+    before: bool
+    after: bool
+    owner: i32
+
+
 @module
-def joined(union: bool, state: bool, until: f32, operand: bool, operand_until: f32) -> tuple[bool, f32]:
+def bounds_span(token: Token, inverse: vec3, shifted: vec3) -> tuple[f32, f32]:
+    """Where a ray enters and leaves the bounds of a token; one without is never left."""
+    enter = 0.0
+    leave = NOWHERE
+    if token.operand >= 0:
+        box = bounds[token.operand]
+        enter, leave = slab_entry(box.low, box.high, inverse, shifted, NOWHERE)
+    return enter, leave
+
+
+@module
+def joined(union: bool, whole: Lasting, operand: Lasting) -> Lasting:
     """An operator's state, and how long it lasts at least, with one operand more.
 
     The operand that decides (IN decides a union, OUT an intersection) decides for as long as it stays so; while there
     is none, any operand may be the next.
     """
-    decides = operand == union
-    decided = state == union
-    any_change = select(decided, until, min(until, operand_until))
-    last_change = select(decided, max(until, operand_until), operand_until)
-    return select(decides, union, state), select(decides, last_change, any_change)
+    decides = operand.state == union
+    decided = whole.state == union
+    any_change = select(decided, whole.until, min(whole.until, operand.until))
+    last_change = select(decided, max(whole.until, operand.until), operand.until)
+    return Lasting(select(decides, union, whole.state), select(decides, last_change, any_change))
 
 
 @module
@@ -85,11 +113,9 @@ def formula_span(
     Bounds that lie ahead are entered only below a union, and while they are nearer than the nearest change known: what
     is OUT is left at the next way in, which is sought here; what is IN needs no more than its state at t.
     """
-    states = array(bool, DEEPEST)
-    untils = array(f32, DEEPEST)
+    waiting = array(Lasting, DEEPEST)
     depth = 0
-    state = formula.flags & UNION == 0
-    until = far
+    whole = Lasting(formula.flags & UNION == 0, far)
     row = formula.first
     while row < formula.end:
         token = tokens[row]
@@ -98,42 +124,43 @@ def formula_span(
         row += 1
         if what == LITERAL:
             _before, after, coming = literal_span(token, origin, direction, left, t)
-            state, until = joined(union, state, until, after, coming)
-            if all_lanes(state == union):
+            whole = joined(union, whole, Lasting(after, coming))
+            if all_lanes(whole.state == union):
                 row = token.skip
         elif what == END:
-            operand = state
-            coming = until
-            state = not union
-            until = far
+            operand = whole
+            whole = Lasting(not union, far)
             if token.operator & SAVED != 0:
                 depth -= 1
-                state = states[depth]
-                until = untils[depth]
-            state, until = joined(union, state, until, operand, coming)
-            if all_lanes(state == union):
+                whole = waiting[depth]
+            whole = joined(union, whole, operand)
+            if all_lanes(whole.state == union):
                 row = token.skip
         else:
-            entered = True
-            if token.operand >= 0:
-                box = bounds[token.operand]
-                enter, leave = slab_entry(box.low, box.high, inverse, shifted, NOWHERE)
-                reach = t
-                if union:
-                    reach = until
-                entered = any_lane(state != union and t <= leave and enter <= min(leave, reach))
-                if not entered:
-                    ahead = select(enter <= leave and t < enter, enter, NOWHERE)
-                    state, until = joined(union, state, until, token.operator & INVERTED != 0, ahead)
-                    row = token.skip
-            if entered and what == OPERATOR:
-                if token.operator & SAVED != 0:
-                    states[depth] = state
-                    untils[depth] = until
-                    depth += 1
-                state = token.operator & OPENS_UNION == 0
-                until = far
-    return state, until
+            enter, leave = bounds_span(token, inverse, shifted)
+            reach = whole.until if union else t
+            if any_lane(whole.state != union and t <= leave and enter <= min(leave, reach)):
+                if what == OPERATOR:
+                    if token.operator & SAVED != 0:
+                        waiting[depth] = whole
+                        depth += 1
+                    whole = Lasting(token.operator & OPENS_UNION == 0, far)
+            else:
+                ahead = select(enter <= leave and t < enter, enter, NOWHERE)
+                whole = joined(union, whole, Lasting(token.operator & INVERTED != 0, ahead))
+                row = token.skip
+    return whole.state, whole.until
+
+
+@module
+def changed(union: bool, whole: Change, operand: Change) -> Change:
+    """An operator's change with one operand more; its owner is the first of those of operands that change."""
+    owner = select(operand.before != operand.after, operand.owner, UNOWNED)
+    return Change(
+        select(operand.before == union, union, whole.before),
+        select(operand.after == union, union, whole.after),
+        min(whole.owner, owner),
+    )
 
 
 @module(number=13, method="raytrace")
@@ -146,13 +173,10 @@ def intersection_validity(
     descending into the leftmost operand whose own state changes: among the literals that change below operands that
     change, the first (where none changes: the formula's first).
     """
-    befores = array(bool, DEEPEST)
-    afters = array(bool, DEEPEST)
-    owners = array(i32, DEEPEST)
+    waiting = array(Change, DEEPEST)
     depth = 0
-    before = formula.flags & UNION == 0
-    after = before
-    owner = UNOWNED
+    empty = formula.flags & UNION == 0
+    whole = Change(empty, empty, UNOWNED)
     row = formula.first
     while row < formula.end:
         token = tokens[row]
@@ -160,43 +184,27 @@ def intersection_validity(
         what = token.operator & WHAT
         row += 1
         if what == LITERAL:
-            was, will, _coming = literal_span(token, origin, direction, left, t)
-            owner = min(owner, select(was != will, token.rank, UNOWNED))
-            before = select(was == union, union, before)
-            after = select(will == union, union, after)
+            before, after, _coming = literal_span(token, origin, direction, left, t)
+            whole = changed(union, whole, Change(before, after, token.rank))
         elif what == END:
-            was = before
-            will = after
-            changing = select(before != after, owner, UNOWNED)
-            before = not union
-            after = not union
-            owner = UNOWNED
+            operand = whole
+            whole = Change(not union, not union, UNOWNED)
             if token.operator & SAVED != 0:
                 depth -= 1
-                before = befores[depth]
-                after = afters[depth]
-                owner = owners[depth]
-            owner = min(owner, changing)
-            before = select(was == union, union, before)
-            after = select(will == union, union, after)
+                whole = waiting[depth]
+            whole = changed(union, whole, operand)
         else:
-            entered = True
-            if token.operand >= 0:
-                box = bounds[token.operand]
-                enter, leave = slab_entry(box.low, box.high, inverse, shifted, NOWHERE)
-                entered = any_lane(enter <= t and t <= leave)
-                if not entered:
-                    beyond = token.operator & INVERTED != 0
-                    before = select(beyond == union, union, before)
-                    after = select(beyond == union, union, after)
-                    row = token.skip
-            if entered and what == OPERATOR:
-                if token.operator & SAVED != 0:
-                    befores[depth] = before
-                    afters[depth] = after
-                    owners[depth] = owner
-                    depth += 1
-                before = token.operator & OPENS_UNION == 0
-                after = before
-                owner = UNOWNED
-    return before, after, tokens[formula.first + select(owner == UNOWNED, 0, owner)].ranked
+            enter, leave = bounds_span(token, inverse, shifted)
+            if any_lane(enter <= t and t <= leave):
+                if what == OPERATOR:
+                    if token.operator & SAVED != 0:
+                        waiting[depth] = whole
+                        depth += 1
+                    empty = token.operator & OPENS_UNION == 0
+                    whole = Change(empty, empty, UNOWNED)
+            else:
+                beyond = token.operator & INVERTED != 0
+                whole = changed(union, whole, Change(beyond, beyond, UNOWNED))
+                row = token.skip
+    owner = select(whole.owner == UNOWNED, 0, whole.owner)
+    return whole.before, whole.after, tokens[formula.first + owner].ranked
