@@ -7,7 +7,9 @@ A file goes through an importer (`load_scene`) into the model: a `Scene`, whose 
 """
 
 from tasuki.scene.importers import load_scene, register_importer
+from tasuki.scene.importers.meshes import load_mesh
 from tasuki.scene.material import Material, Texture
+from tasuki.scene.mesh import Mesh
 from tasuki.scene.model import Camera, DirectionalLight, PointLight, Scene, ViewFrame, default_intensity
 from tasuki.scene.shapes import Shape, Shapes
 from tasuki.scene.solids import (
@@ -57,6 +59,7 @@ __all__ = [
     "Instance",
     "Intersection",
     "Material",
+    "Mesh",
     "Node",
     "Paraboloid",
     "PointLight",
@@ -76,6 +79,7 @@ __all__ = [
     "ViewFrame",
     "Wedge",
     "default_intensity",
+    "load_mesh",
     "load_scene",
     "register_importer",
 ]

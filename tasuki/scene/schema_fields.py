@@ -9,7 +9,17 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, WithJsonSchema, WrapValidator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+    WrapValidator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 TAG = "?"
@@ -54,6 +64,15 @@ def _factors(value: Any, validate: Any) -> Any:
 
 def _three(kind: dict[str, Any]) -> dict[str, Any]:
     return {"oneOf": [kind, {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}]}
+
+
+def _file_name(value: str) -> str:
+    if not value or "\0" in value:
+        raise PydanticCustomError("expected", "this is no name of a file", {"expected": "the name of a file"})
+    return value
+
+
+FileName = Annotated[str, AfterValidator(_file_name)]
 
 
 class RotateModel(Model):

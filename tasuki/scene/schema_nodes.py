@@ -20,6 +20,7 @@ from tasuki.scene.kinds import PrimitiveKind, kinds
 from tasuki.scene.schema_fields import (
     Direction,
     Extent,
+    FileName,
     MaterialName,
     Model,
     Number,
@@ -214,6 +215,12 @@ class PatchModel(NodeModel):
         return self
 
 
+class MeshModel(BoundedModel):
+    """The triangles of a file: .obj, .ply, .stl, .gltf or .glb. With a material all are made of it."""
+
+    file: Annotated[FileName, Field(description="a file, from the folder of the scene")]
+
+
 class GroupModel(BoundedModel):
     """Nodes of any kind, placed together."""
 
@@ -248,6 +255,7 @@ BUILT_IN: Mapping[str, type[NodeModel]] = MappingProxyType(
         "object": ObjectModel,
         "polygon": PolygonModel,
         "patch": PatchModel,
+        "mesh": MeshModel,
         "group": GroupModel,
         "instance": InstanceModel,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,19 +15,26 @@ from tasuki.diagnostics import Diagnostic, SceneError, Span
 MOST_ERRORS = 20
 """How many errors of one file are shown; the rest is counted."""
 
+OUTSIDE = ("this file lies outside the scene's folder, which has to be allowed", "a file in that folder, or deeper")
+"""What is wrong where a scene may not name a file, and what was expected."""
+
 # Characters that would steer a terminal or break a quoted line; they are shown as a blank.
 _CONTROLS = dict.fromkeys((*range(9), 11, 12, *range(14, 32), 127, 133, 8232, 8233), " ")
 
 
 @dataclass(frozen=True)
 class SourceText:
-    """A scene file in UTF-8: `data` holds its bytes, with every line ended by a line feed."""
+    """A scene file in UTF-8: `data` holds its bytes, with every line ended by a line feed.
+
+    `allow_outside`: the files that it names may lie outside its folder.
+    """
 
     file: str
     data: bytes
+    allow_outside: bool = False
 
     @classmethod
-    def read(cls, path: str | Path) -> SourceText:
+    def read(cls, path: str | Path, *, allow_outside: bool = False) -> SourceText:
         """The file at `path`; SceneError where it is missing, a directory, unreadable, binary, or not UTF-8."""
         path = Path(path)
         try:
@@ -39,17 +47,17 @@ class SourceText:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise SceneError(str(Diagnostic(f"cannot read {str(path)!r}: {reason}"))) from None
-        return cls.from_bytes(str(path), data)
+        return cls.from_bytes(str(path), data, allow_outside=allow_outside)
 
     @classmethod
-    def from_bytes(cls, file: str, data: bytes) -> SourceText:
+    def from_bytes(cls, file: str, data: bytes, *, allow_outside: bool = False) -> SourceText:
         """Text in `data`, named `file` in messages; SceneError where it is binary or not UTF-8."""
         if b"\0" in data:
             problem = Diagnostic(f"{file!r} is not a text file", expected="text in UTF-8", found="binary data")
             raise SceneError(str(problem))
         if b"\r" in data:
             data = data.replace(b"\r\n", b" \n").replace(b"\r", b"\n")
-        source = cls(file, data)
+        source = cls(file, data, allow_outside)
         try:
             data.decode("utf-8")
         except UnicodeDecodeError as error:
@@ -57,6 +65,17 @@ class SourceText:
             problem = source.diagnostic("this is not UTF-8", source.span(error.start), "text in UTF-8", found)
             raise SceneError(str(problem)) from None
         return source
+
+    @property
+    def folder(self) -> Path:
+        """The folder from which the files that it names are looked for."""
+        return Path(self.file).parent.absolute()
+
+    def beside(self, file: str) -> Path | None:
+        """Where a `file` that it names lies; None where that is outside its folder, links followed, and not allowed."""
+        path = self.folder / file
+        is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
+        return path if is_inside or self.allow_outside else None
 
     @cached_property
     def line_starts(self) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tasuki.scene.material import PLAIN, Material
+from tasuki.scene.mesh import Mesh
 from tasuki.scene.tree import Formula, Many, Node
 
 
@@ -75,7 +76,11 @@ def with_materials(nodes: Sequence[Node], changed: Mapping[Material, Material]) 
         done[id(node)] = made if made.material is None else replace(made, material=changed[made.material])
     default = changed.get(PLAIN)
     made_nodes = [done[id(node)] for node in nodes]
-    return [node if node.material or default is None else replace(node, material=default) for node in made_nodes]
+    if default is None:
+        return made_nodes
+    # What is in a mesh has its material already.
+    keeps = [node.material is not None or isinstance(node, Mesh) for node in made_nodes]
+    return [node if kept else replace(node, material=default) for node, kept in zip(made_nodes, keeps, strict=True)]
 
 
 def measure(nodes: Iterable[Node]) -> list[tuple[int, int]]:

@@ -406,4 +406,4 @@ def _own(node: Node) -> list[Any]:
     return [tuple(value) if name == "parts" else value for name, value in values if name not in _INNER]
 
 
-_INNER = ("children", "child", "of")
+_INNER = ("children", "child", "of", "shapes")

@@ -15,6 +15,7 @@ import numpy as np
 
 from tasuki.scene.formula_text import Expression
 from tasuki.scene.material import PLAIN, Material
+from tasuki.scene.mesh import Mesh
 from tasuki.scene.problem import Path, Problem
 from tasuki.scene.shapes import NO_FRAME, NODE, POLYGON, Shapes, material_numbers, surface_sort
 from tasuki.scene.solids import Cone, Cylinder, Polygon, Sphere
@@ -80,9 +81,9 @@ class Run(NamedTuple):
 
 @dataclass(slots=True)
 class Gathered:
-    """A group: it has the things with the numbers `first` to `end`."""
+    """A group, or a mesh: it has the things with the numbers `first` to `end`."""
 
-    group: Group
+    group: Group | Mesh
     frame: int
     path: Path
     first: int
@@ -218,10 +219,10 @@ class Walk:
         gathered = Gathered(visit.what, frame, visit.path, self.count)
         self.groups.append(gathered)
         self._visits.append(visit._replace(what=gathered))
-        children, path = visit.what.children, visit.path
+        group, inner = visit.what, visit.what.inner
         self._visits += [
-            _Visit(children[number], frame, material, (*path, "children", number))
-            for number in range(len(children) - 1, -1, -1)
+            _Visit(inner[number], frame, material, (*visit.path, *group.step(number)))
+            for number in range(len(inner) - 1, -1, -1)
         ]
 
     def _end_of_group(self, visit: _Visit) -> None:
@@ -331,6 +332,7 @@ class Walk:
         Shapes: _shapes,
         _Stretch: _stretch,
         Group: _group,
+        Mesh: _group,
         Gathered: _end_of_group,
         Instance: _instance,
         Sphere: _surface,

@@ -40,22 +40,23 @@ def register_importer(suffix: str, importer: str | Importer) -> None:
     _IMPORTERS[suffix.lower()] = importer
 
 
-def load_scene(path: str | Path, *, two_sided: bool | None = None) -> Scene:
+def load_scene(path: str | Path, *, two_sided: bool | None = None, allow_outside: bool = False) -> Scene:
     """The scene in the file at `path`, whose suffix, in upper or lower case, tells the format.
 
     `two_sided` overrides what the file says, or its format assumes, about which sides of surfaces show. Degenerate
-    polygons are left out; `Scene.warnings` tells what was. SceneError with everything that is wrong with the file.
+    polygons are left out; `Scene.warnings` tells what was. The files that a scene names lie in its folder, or deeper,
+    unless `allow_outside`. SceneError with everything that is wrong with the file.
     """
-    scene = _read(Path(path))
+    scene = _read(Path(path), allow_outside)
     return with_sides(with_advice(without_degenerate(scene)), two_sided)
 
 
-def _read(path: Path) -> Scene:
+def _read(path: Path, allow_outside: bool) -> Scene:
     mesh = _MESHES.get(path.suffix.lower())
     if mesh:
         read_mesh: MeshImporter = _named(mesh)
         return read_mesh(path)
-    return _importer(path)(SourceText.read(path))
+    return _importer(path)(SourceText.read(path, allow_outside=allow_outside))
 
 
 def _importer(path: Path) -> Importer:

@@ -14,6 +14,7 @@ import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.material import Colour, Material
+from tasuki.scene.mesh import Mesh
 from tasuki.scene.model import Camera, PointLight, Scene
 from tasuki.scene.shapes import POLYGON, Polygons, Shapes
 
@@ -33,8 +34,18 @@ STL_HEADER, STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file."""
 
 
+class MeshError(SceneError):
+    """What is wrong with the file of a mesh, in the parts of its message, for a scene that names the file."""
+
+    def __init__(
+        self, message: str, expected: str | None = None, found: str | None = None, hint: str | None = None
+    ) -> None:
+        self.message, self.expected, self.found, self.hint = message, expected, found, hint
+        super().__init__(str(Diagnostic(message, None, expected, found, hint)))
+
+
 def read(path: Path) -> Scene:
-    """The mesh in the file at `path` as a scene. SceneError with what is wrong with the file."""
+    """The mesh in the file at `path` as a scene. MeshError with what is wrong with the file."""
     shapes, warnings = read_mesh(path)
     points = shapes.polygons.points
     low, high = points.min(axis=0), points.max(axis=0)
@@ -50,11 +61,19 @@ def read(path: Path) -> Scene:
     return Scene(camera, shapes, [PointLight(_tuple(lamp), (1.0, 1.0, 1.0))], BACKGROUND, warnings)
 
 
+def load_mesh(path: str | Path, *, material: Material | None = None) -> Mesh:
+    """The mesh in the file at `path` as a node, all of one `material` or, without one, of those of the file.
+
+    What was left out goes untold: `read_mesh` tells it. MeshError with what is wrong with the file.
+    """
+    return Mesh(str(path), read_mesh(path)[0], material=material)
+
+
 def read_mesh(path: str | Path) -> tuple[Shapes, list[str]]:
     """The triangles in a file, in its coordinates, with its materials; and warnings of what was left out.
 
     Faces with normals at their corners are patches, others flat. Surfaces show from both sides, unless glTF says
-    otherwise. SceneError, naming the file, where it cannot be read, or holds no triangles, coordinates that are not
+    otherwise. MeshError, naming the file, where it cannot be read, or holds no triangles, coordinates that are not
     finite, or indices of vertices that do not exist.
     """
     path = Path(path)
@@ -80,9 +99,9 @@ def _loaded(path: Path) -> Any:
         with path.open("rb") as file:
             start = file.read(STL_HEADER)
     except FileNotFoundError:
-        raise SceneError(str(Diagnostic(f"there is no file {str(path)!r}"))) from None
+        raise MeshError(f"there is no file {str(path)!r}") from None
     except OSError as error:
-        raise SceneError(str(Diagnostic(f"cannot read {str(path)!r}: {error.strerror}"))) from None
+        raise MeshError(f"cannot read {str(path)!r}: {error.strerror}") from None
     if not size:
         raise _error(path, "is empty", "a mesh", "0 bytes")
     if path.suffix.lower() == ".stl":
@@ -91,9 +110,7 @@ def _loaded(path: Path) -> Any:
         import trimesh
     except ImportError:
         hint = "pip install 'tasuki[meshes]'"
-        raise SceneError(
-            str(Diagnostic("meshes are read by the package trimesh, which is absent", hint=hint))
-        ) from None
+        raise MeshError("meshes are read by the package trimesh, which is absent", hint=hint) from None
     try:
         return trimesh.load_scene(path, process=False)
     except Exception as error:
@@ -103,7 +120,7 @@ def _loaded(path: Path) -> Any:
 
 
 def _check_length(path: Path, start: bytes, size: int) -> None:
-    """SceneError where a binary STL file is longer or shorter than it says."""
+    """MeshError where a binary STL file is longer or shorter than it says."""
     if start.lstrip().startswith(b"solid"):
         return
     announced = int.from_bytes(start[-4:], "little") if len(start) == STL_HEADER else 0
@@ -233,5 +250,5 @@ def _tuple(vector: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _error(path: Path, message: str, expected: str, found: str) -> SceneError:
-    return SceneError(str(Diagnostic(f"{str(path)!r} {message}", expected=expected, found=found)))
+def _error(path: Path, message: str, expected: str, found: str) -> MeshError:
+    return MeshError(f"{str(path)!r} {message}", expected, found)

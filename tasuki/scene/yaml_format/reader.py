@@ -49,13 +49,14 @@ def _read(source: SourceText) -> Scene:
 
 
 def _scene(model: SceneModel, survey: Survey) -> Scene:
-    folder = Path(survey.places.source.file).parent.absolute()
+    folder = survey.places.source.folder
     materials = {name: _material(name, material, folder) for name, material in model.materials.items()}
     return Scene(
         camera=_camera(model.camera),
         shapes=Shapes.of(build(survey, materials), list(materials.values())),
         lights=[_light(light) for light in model.lights],
         background=_vector(model.background),
+        warnings=survey.meshes.warnings,
     )
 
 

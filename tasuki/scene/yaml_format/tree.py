@@ -18,7 +18,9 @@ from pydantic import ValidationError
 from tasuki.diagnostics import Diagnostic, Span
 from tasuki.scene import solids, tree
 from tasuki.scene.formula_text import FormulaError, parse_infix, parse_polish
+from tasuki.scene.importers.meshes import MeshError
 from tasuki.scene.material import Material
+from tasuki.scene.mesh import Mesh
 from tasuki.scene.problem import Path
 from tasuki.scene.schema_fields import ExtentModel
 from tasuki.scene.schema_nodes import (
@@ -26,11 +28,13 @@ from tasuki.scene.schema_nodes import (
     BoundedModel,
     ComplementModel,
     InstanceModel,
+    MeshModel,
     NodeModel,
     ObjectModel,
 )
 from tasuki.scene.source import MOST_ERRORS
 from tasuki.scene.transforms import IDENTITY, Transform, TransformError, matrix, rotate, scale, translate
+from tasuki.scene.yaml_format.mesh_files import MeshFiles
 from tasuki.scene.yaml_format.nodes import Node
 from tasuki.scene.yaml_format.places import Places
 
@@ -56,6 +60,7 @@ CLASSES: Mapping[str, type[tree.Node]] = MappingProxyType(
         "difference": tree.Difference,
         "complement": tree.Complement,
         "object": tree.Formula,
+        "mesh": Mesh,
         "group": tree.Group,
         "instance": tree.Instance,
     }
@@ -89,8 +94,8 @@ class Survey:
     """Checks the definitions and the shapes of a file. `wrong` holds what is wrong with them.
 
     `materials` are the names of the scene's materials. Where nothing is wrong, `items` are all nodes, each before those
-    within it; `roots` gives the items of each definition and each shape; and `order` names the definitions, each after
-    those that it uses.
+    within it; `roots` gives the items of each definition and each shape; `order` names the definitions, each after
+    those that it uses; and `meshes` has read the files of meshes.
     """
 
     def __init__(self, places: Places, materials: Sequence[str]) -> None:
@@ -100,6 +105,7 @@ class Survey:
         self.items: list[Item] = []
         self.roots: dict[Path, range] = {}
         self.order: list[str] = []
+        self.meshes = MeshFiles(places.source)
         self._uses: dict[str, dict[str, Path]] = {name: {} for name in places.plain("definitions", dict)}
         for name in self._uses:
             self._walk(("definitions", name), places.follow(("definitions", name))[0])
@@ -142,6 +148,8 @@ class Survey:
         transform = self._transform(path, body.transform) if body.transform else IDENTITY
         if isinstance(body, ObjectModel):
             self._check_formula(path, body)
+        elif isinstance(body, MeshModel):
+            self._check_mesh(path, body)
         return Item(path, key, body, transform, place) if len(self.wrong) == before else None
 
     def _check_names(self, path: Path, body: NodeModel) -> None:
@@ -162,6 +170,14 @@ class Survey:
             parse(text or "", body.parts)
         except FormulaError as error:
             self.wrong.append(self.places.formula((*path, key), error))
+
+    def _check_mesh(self, path: Path, body: MeshModel) -> None:
+        try:
+            self.meshes.shapes(body.file)
+        except MeshError as error:
+            self.wrong.append(
+                self.places.diagnostic((*path, "file"), error.message, error.expected, error.found, error.hint)
+            )
 
     def _transform(self, path: Path, steps: Sequence[Any]) -> Transform:
         """The steps of the transformation at `path`, one after the other."""
@@ -194,18 +210,18 @@ def build(survey: Survey, materials: Mapping[str, Material]) -> list[tree.Node]:
     """The shapes that a `survey` found nothing wrong with, from the leaves up."""
     definitions: dict[str, tree.Node] = {}
     for name in survey.order:
-        definitions[name] = _build(survey.items, survey.roots["definitions", name], materials, definitions)
+        definitions[name] = _build(survey, survey.roots["definitions", name], materials, definitions)
     shapes = [items for path, items in survey.roots.items() if path[0] == "shapes"]
-    return [_build(survey.items, items, materials, definitions) for items in shapes]
+    return [_build(survey, items, materials, definitions) for items in shapes]
 
 
 def _build(
-    items: Sequence[Item], numbers: range, materials: Mapping[str, Material], definitions: Mapping[str, tree.Node]
+    survey: Survey, numbers: range, materials: Mapping[str, Material], definitions: Mapping[str, tree.Node]
 ) -> tree.Node:
     """The node of the first of the items with `numbers`; the others are those within it."""
     built: dict[int, tree.Node] = {}
     for number in reversed(numbers):
-        item = items[number]
+        item = survey.items[number]
         body = item.body
         own: dict[str, Any] = {name: _value(value) for name, value in body if name not in _COMMON}
         material = None if body.material is None else materials[body.material]
@@ -218,6 +234,8 @@ def _build(
             own["parts"] = {name: built.pop(one) for name, one in zip(body.parts, item.inner, strict=True)}
         elif isinstance(body, ComplementModel):
             own["child"] = built.pop(item.inner[0])
+        elif isinstance(body, MeshModel):
+            own = {"file": str(survey.meshes.path(body.file)), "shapes": survey.meshes.shapes(body.file)}
         elif item.key in LISTS:
             own["children"] = tuple(built.pop(one) for one in item.inner)
         elif item.key not in CLASSES:

@@ -21,7 +21,7 @@ from tasuki.scene.yaml_format.tree import CLASSES
 KEYS = {made: key for key, made in CLASSES.items()}
 """The key of each class of nodes; a polygon without normals has another, and a user's kind its own name."""
 
-_APART = {field.name for field in fields(Bounded)} | {"children", "child", "parts"}
+_APART = {field.name for field in fields(Bounded)} | {"children", "child", "parts", "shapes"}
 OWN_FIELDS = {
     made: [(field.name, field.default) for field in fields(made) if field.name not in _APART]
     for made in CLASSES.values()
