@@ -223,18 +223,25 @@ class BodyLowering:
         return goes_on
 
     def loop(self, node: ir.Loop) -> None:
+        """Without a setup the test stands twice, before the loop and at its end: a round needs no jump back to it."""
         head, loop = self.label("loop"), _Loop(self.label("next"), self.label("end_loop"))
-        self.here(head)
-        origin = self.code.origin
-        if self.block(node.setup):
-            self.code.origin = origin
+        if not node.setup:
             self.go_unless(node.test, loop.exit)
-            self.loops.append(loop)
-            self.block(node.body)
-            self.loops.pop()
-            self.here(loop.step)
-            if self.block(node.step):
+        self.here(head)
+        if node.setup:
+            self.block(node.setup)
+            self.come_from(node)
+            self.go_unless(node.test, loop.exit)
+        self.loops.append(loop)
+        self.block(node.body)
+        self.loops.pop()
+        self.here(loop.step)
+        if self.block(node.step):
+            self.come_from(node)
+            if node.setup:
                 self.code.jump(head)
+            else:
+                self.go(node.test, head, wanted=True)
         self.here(loop.exit)
 
     def go_unless(self, test: ir.Expression, label: str) -> None:
