@@ -51,7 +51,7 @@ def depth_buffer(edges: np.ndarray, planes: np.ndarray, view: np.void, frame: np
     return DepthBuffer(tested, passed, visible)
 
 
-def _directions(first: int, count: int, sample: int, size: int, pixel: float) -> npt.NDArray[np.float64]:
+def _directions(first: int, count: int, sample: int, size: int, pixel: float) -> npt.NDArray[np.floating]:
     """Along one axis of the screen, the coordinate of the directions to the samples where z is 1."""
     return (int(first) + np.arange(count) + int(sample) / SUBPIXEL - 0.5 * int(size)) * float(pixel)
 

@@ -108,14 +108,14 @@ class MicrocodeScanline(ScanlineRenderer):
     def _draw_sample(self, sample: int) -> None:
         super()._draw_sample(sample)
         entries = len(self.mesh.edges) + MOST_CORNERS * self.counted("partial")
-        buffer = depth_buffer(
+        self.depths = depth_buffer(
             self.records("edges", scan.Edge)[:entries],
             self.records("face_planes", scan.FacePlane),
             self.records("views", rec.View)[0],
             self.records("frames", scan.Frame)[0],
         )
-        self.tested += buffer.tested
-        self.passed += buffer.passed
+        self.tested += self.depths.tested
+        self.passed += self.depths.passed
 
     # --- the report ---------------------------------------------------------------------------------------------------
 
