@@ -34,7 +34,7 @@ def bar_chart(
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     axes.set_xlabel(label)
-    axes.legend(frameon=False)
+    figure.legend(loc="outside upper center", ncols=len(groups) + 1, frameon=False)
     _save(figure, path)
 
 

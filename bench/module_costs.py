@@ -18,7 +18,7 @@ from typing import Any
 from bench.charts import bar_chart, efficiency_chart
 from bench.measure import RESULTS, ROOT, SCENES, Table, machine, require
 from tasuki.catalogue import all_modules, describe
-from tasuki.machines.pu.system import draw
+from tasuki.machines.pu.system import draw, saturation
 from tasuki.renderers.options import Distribution, RenderOptions, Schedule, Work
 from tasuki.renderers.pu import MicrocodeTracer
 from tasuki.renderers.raytrace import RayTracer
@@ -84,9 +84,9 @@ def traced(path: Path, schedule: Schedule) -> MicrocodeTracer:
 def shared(tracer: MicrocodeTracer, distribution: Distribution, work: Work) -> dict[str, Any]:
     """What 1 to 256 units make of the frame's pixels, with one way of distributing them."""
     tracer.options = replace(tracer.options, distribution=distribution, work=work)
-    rows = []
+    steps, rows = tracer.steps.reshape(-1), []
     for units in UNITS:
-        frame = draw(tracer.steps.reshape(-1), tracer.system(units))
+        frame = draw(steps, tracer.system(units))
         rows.append(
             {
                 "units": units,
@@ -100,7 +100,8 @@ def shared(tracer: MicrocodeTracer, distribution: Distribution, work: Work) -> d
     for row in rows:
         row["efficiency"] = rows[0]["makespan"] / (row["units"] * row["makespan"])
     print(f"{distribution} {work}: {rows[-1]['efficiency']:.2%} with {UNITS[-1]}", flush=True)
-    return {"distribution": distribution, "work": work, "rows": rows}
+    full = saturation(steps, tracer.system(1))
+    return {"distribution": distribution, "work": work, "saturating_units": full, "rows": rows}
 
 
 # --- the page ---------------------------------------------------------------------------------------------------------
@@ -146,7 +147,7 @@ def write_page(results: dict[str, Any]) -> None:
         "request_steps": compact["request_steps"],
         "display_steps": compact["display_steps"],
         "display_units": f"{compact['saturating_units']['display_memory']:,.0f}",
-        "control_units": f"{compact['saturating_units']['control_processor']:,.0f}",
+        "control_units": f"{way_of(results['shared'], 'dynamic', 1)['saturating_units']['control_processor']:,.0f}",
     }
     PAGE.write_text(TEMPLATE.read_text().format(**values, **{name: table.markdown() for name, table in tables.items()}))
     print(f"written: {PAGE.relative_to(ROOT)}")
@@ -216,6 +217,11 @@ def alone_table(modules: Sequence[dict[str, Any]]) -> Table:
         fast = (compact["words"], compact["steps"]["typical"], f"{row['cpu']['cycles']:.1f}")
         table.add(short(row["qualified_name"]), number, macro["words"], *steps, *fast)
     return table
+
+
+def way_of(shared: Sequence[dict[str, Any]], distribution: Distribution, work: Work) -> dict[str, Any]:
+    """What one way of distributing work came to."""
+    return next(way for way in shared if (way["distribution"], way["work"]) == (distribution, work))
 
 
 def way_name(way: dict[str, Any]) -> str:
