@@ -40,12 +40,13 @@ class Narrow:
 class PrimitiveKind:
     """One kind of primitive.
 
-    `table` is the table that holds its records. The modules that fill the sockets of the search are `hit` (the first
-    visible crossing of a ray), `surface` (normals and attribute at a point) and `box` (bounds). A *solid* has an inside
-    (`inside`, its IN/OUT module) and may be an operand of set operations; a *surface* has none. `cost` is that of `hit`
-    in units of a triangle's. Kinds that are not
-    built in are nodes of scene files, under their names. `number` is what the field `kind` of a record holds;
-    `register` gives it.
+    `table` is the table that holds its records. A *surface* has no inside. The modules that fill the sockets of the
+    search for it are `hit` (the first visible crossing of a ray), `surface` (normals, attribute and matrix at a point)
+    and `box` (bounds). A *solid* may be an operand of set operations; for that it has `span` (whether a ray is IN
+    before and after some t, and its next crossing), `normal`, `inside` (IN/OUT at a point) and `box`. With `hit` and
+    `surface` beside them it is searched faster where it stands alone; without them it is an object of one operand.
+    `cost` is that of `hit` in units of a triangle's. Solids that are not built in are nodes of scene files, under their
+    names. `number` is what the field `kind` of a record holds; `register` gives it.
     """
 
     name: str

@@ -16,25 +16,39 @@ from tasuki.scene.shapes import CONE, NO_FRAME, POLYGON, SPHERE, Shapes, positio
 from tasuki.scene.surfaces import TOLERANCE
 
 TOUCHING = 1e-6
-"""Boxes no farther apart, in the scene's unit, are taken to touch."""
+"""Boxes no farther apart, as a share of the scene's size, are taken to touch."""
 
 
 def with_shared_spheres(flat: Flat, size: float) -> Flat:
-    """The scene with such spheres as objects that coincide with a spherical literal of one: then both are crossed at
-    one t. `size` is that of the scene.
+    """The scene with such spheres as objects that coincide with a spherical literal of one, or of which one is
+    transparent and the other stands in the same place: then both are crossed at one t. `size` is that of the scene.
     """
     spheres = flat.shapes.spheres
-    literals = [ball for one in flat.objects for ball in _balls(one.root)]
-    if not literals or not len(spheres):
+    if not len(spheres):
         return flat
+    literals = [ball for one in flat.objects for ball in _balls(one.root)]
     features = np.column_stack([spheres.centre, spheres.radius])
-    shared = np.zeros(len(spheres), bool)
+    shared = _in_one_place(flat, features)
     order = np.argsort(features[:, 0])
     for ball in literals:
         first, end = np.searchsorted(features[order, 0], [ball[0] - TOLERANCE * size, ball[0] + TOLERANCE * size])
         near = order[first:end]
         shared[near] |= (np.abs(features[near] - ball) <= TOLERANCE * size).all(axis=1)
+    # Of a negative radius only the inside shows: a surface, no solid.
+    shared &= spheres.radius > 0.0
     return _with_objects(flat, shared) if shared.any() else flat
+
+
+def _in_one_place(flat: Flat, features: np.ndarray) -> np.ndarray:
+    """Which spheres, of centre and radius `features` (n, 4), are the same as others, where any of them is transparent.
+    """
+    clear = np.array([material.transmission > 0.0 for material in flat.materials], bool)[flat.shapes.spheres.material]
+    if not clear.any():
+        return np.zeros(len(features), bool)
+    _, place, count = np.unique(features, axis=0, return_inverse=True, return_counts=True)
+    place = place.reshape(-1)
+    with_clear = np.bincount(place, weights=clear) > 0.0
+    return (count > 1)[place] & with_clear[place]
 
 
 def _balls(root: Tree) -> list[np.ndarray]:
@@ -91,16 +105,19 @@ def _as_object(flat: Flat, position: int) -> FlatObject:
     return FlatObject(root, material, None, place, ("shapes", number))
 
 
-def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray) -> np.ndarray:
-    """The table "media": transparent solids that meet other things, in scene order. `quadric`: the kind of spheres.
+def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray, size: float) -> np.ndarray:
+    """The table "media": transparent solids that meet other things, in scene order. `quadric`: the kind of spheres;
+    `size`: that of the scene.
 
     Solids of several materials are among them in any case: their own is that of the whole.
     """
     clear = np.array([material.transmission > 0.0 for material in flat.materials], bool)
+    if not clear.any():
+        return _media_records([])
     numbers, boxes = _boxes(flat, objects, origin)
     rows = np.full(len(flat.objects), -1)
     rows[objects.numbers] = np.arange(len(objects.numbers))
-    neighbours = _Neighbours(boxes)
+    neighbours = _Neighbours(boxes, TOUCHING * size)
     records = []
     for place in np.argsort(numbers, kind="stable").tolist():
         number = int(numbers[place])
@@ -135,15 +152,16 @@ def _boxes(flat: Flat, objects: Objects, origin: np.ndarray) -> tuple[np.ndarray
 class _Neighbours:
     """Boxes (n, 6) along the x axis, so that of many only those near one are looked at."""
 
-    def __init__(self, boxes: np.ndarray) -> None:
+    def __init__(self, boxes: np.ndarray, touching: float) -> None:
         order = np.argsort(boxes[:, 0], kind="stable")
         self.boxes = boxes
+        self.touching = touching
         self.sorted = boxes[order]
         self.reached = np.maximum.accumulate(self.sorted[:, 3])
 
     def meets(self, place: int) -> bool:
         """Whether the box at `place` touches any other."""
-        low, high = self.boxes[place, :3] - TOUCHING, self.boxes[place, 3:] + TOUCHING
+        low, high = self.boxes[place, :3] - self.touching, self.boxes[place, 3:] + self.touching
         first = np.searchsorted(self.reached, low[0])
         near = self.sorted[first : np.searchsorted(self.sorted[:, 0], high[0], side="right")]
         apart = (near[:, :3] > high).any(axis=1) | (near[:, 3:] < low).any(axis=1)

@@ -100,7 +100,7 @@ def pack(scene: Scene) -> Packed:
     for name, records in [*_records(flat, primitives, objects).items(), *textures.tables.items()]:
         builder.add(name, records)
     builder.add("matrices", _verified("matrix", matrices.records(origin)))
-    builder.add("media", media(flat, objects, lookup("quadric").number, origin))
+    builder.add("media", media(flat, objects, lookup("quadric").number, origin, size))
     attributes = _attributes(flat.materials, textures.codes, len(scene.lights))
     builder.add("attributes", _verified("material", attributes))
     builder.add("lights", _verified("light", _lights(scene.lights, origin)))

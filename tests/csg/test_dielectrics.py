@@ -209,3 +209,10 @@ def test_shares_add_up_to_one_everywhere():
         start, way, left = start[goes_on], way[goes_on], left[goes_on]
         assert len(start) > 200
         assert np.linalg.norm(way, axis=1) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_of_plain_spheres_in_one_place_the_opaque_one_shows():
+    glass, paint = (Sphere(BALL.centre, BALL.radius, material=material) for material in (GLASS, flat_material(300)))
+    alone = picture(paint)
+    assert np.array_equal(picture(glass, paint), alone)
+    assert np.array_equal(picture(paint, glass), alone)

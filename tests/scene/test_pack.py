@@ -106,8 +106,8 @@ def test_which_sides_show():
     memory = packed(
         Sphere((0.0, 0.0, 0.0), 1.0),
         Sphere((0.0, 0.0, 0.0), -1.0),
-        Sphere((0.0, 0.0, 0.0), 1.0, material=glass),
-        Sphere((0.0, 0.0, 0.0), -1.0, material=glass),
+        Sphere((5.0, 0.0, 0.0), 1.0, material=glass),
+        Sphere((5.0, 0.0, 0.0), -1.0, material=glass),
         Cone((0.0, 0.0, 0.0), -1.0, (0.0, 0.0, 1.0), 0.0, open=True),
         Cone((0.0, 0.0, 0.0), 1.0, (0.0, 0.0, 1.0), 0.0, open=True, material=sheet),
         Polygon(corners),
