@@ -51,6 +51,10 @@ WithFiles = Annotated[
     typer.Option("--with", metavar="FILE.py", help="Run this file first: what it registers is known. Repeatable."),
 ]
 
+AllowOutside = Annotated[
+    bool, typer.Option("--allow-outside", help="Let the scene name files outside its folder, such as meshes.")
+]
+
 
 def main() -> None:
     """What `tasuki` runs."""
@@ -145,6 +149,7 @@ def render(
         typer.Option("--module", metavar="SOCKET=FILE.py:NAME", help="Fill a socket with your module. Repeatable."),
     ] = None,
     with_files: WithFiles = None,
+    allow_outside: AllowOutside = False,
     unchecked: Annotated[bool, typer.Option(help="Do not check your modules' accesses to tables.")] = False,
     pus: Annotated[int, typer.Option(metavar="N", help="Machine pu: processor units.")] = 1,
     schedule: Annotated[
@@ -170,6 +175,7 @@ def render(
         "region": _numbers(region, r"(\d+),(\d+),(\d+),(\d+)", "--region", "X,Y,W,H, such as 0,0,64,64"),
         "modules": _socket_fillers(modules or []),
         "with_files": with_files or [],
+        "allow_outside": allow_outside,
         "accelerator": accelerator,
         "samples": samples,
         "depth": depth,
@@ -222,7 +228,13 @@ def _render(scene: Path, out: Path, stats: Path | None, arguments: dict[str, Any
 
 
 @app.command()
-def info(scene: SceneFile, with_files: WithFiles = None, as_json: AsJson = False, debug: Debug = False) -> None:
+def info(
+    scene: SceneFile,
+    with_files: WithFiles = None,
+    allow_outside: AllowOutside = False,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> None:
     """Say what is in a scene."""
     with reported(debug):
         from tasuki.renderers.extensions import load_extensions
@@ -231,7 +243,7 @@ def info(scene: SceneFile, with_files: WithFiles = None, as_json: AsJson = False
         from tasuki.terminal import print_info
 
         load_extensions(with_files or [])
-        content = scene_info(load_scene(scene))
+        content = scene_info(load_scene(scene, allow_outside=allow_outside))
         if as_json:
             print(json.dumps(content, indent=2))
         else:
@@ -246,6 +258,7 @@ def convert(
         float, typer.Option("--tolerance", metavar="SHARE", help="Of curved surfaces in meshes, of the scene's size.")
     ] = 1.0 / 4096.0,
     with_files: WithFiles = None,
+    allow_outside: AllowOutside = False,
     debug: Debug = False,
 ) -> None:
     """Write a scene in another format: our own, or all that is bounded in it as a mesh."""
@@ -260,7 +273,7 @@ def convert(
             raise TasukiError(f"error: --tolerance is out of range\n  expected: {expected}\n  found: {tolerance:g}")
         load_extensions(with_files or [])
         check_writable(out, FORMATS)
-        content = exported(load_scene(scene), out, tolerance)
+        content = exported(load_scene(scene, allow_outside=allow_outside), out, tolerance)
         write_file(out, content)
         print(f"{out}: {len(content):,} bytes")
 

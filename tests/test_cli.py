@@ -431,7 +431,7 @@ def test_debug_shows_the_traceback(folder: Path):
 
 
 def test_faults_of_ours_are_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    def broken(path: Path) -> None:
+    def broken(path: Path, **options: bool) -> None:
         raise KeyError("a\nfault")
 
     monkeypatch.setattr("tasuki.scene.load_scene", broken)
@@ -476,7 +476,7 @@ def test_ctrl_c_stops_at_once_and_keeps_what_is_done(folder: Path):
 
 
 def test_ctrl_c_while_loading(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    def interrupted(path: Path) -> None:
+    def interrupted(path: Path, **options: bool) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("tasuki.scene.importers.load_scene", interrupted)

@@ -57,6 +57,7 @@ def render(
     region: Region | tuple[int, int, int, int] | None = None,
     modules: Mapping[str, Module | str] | None = None,
     with_files: Sequence[str | Path] = (),
+    allow_outside: bool = False,
     accelerator: str = "bvh",
     unchecked: bool = False,
     profile: bool = False,
@@ -81,8 +82,9 @@ def render(
     simulated, of `clock` million steps a second; the `schedule` of their microcode is "macro" or "compact"; they get
     `work`, so many pixels or a "scanline" at a time, by "static" or "dynamic" `distribution`. `modules` fills
     sockets, by name, with modules of yours, given as they are or as "FILE.py:NAME". `with_files` are run first: they
-    register solids, textures and accelerators of yours. `accelerator` keeps the search for hits short; it does not
-    change the picture. Where modules of yours take part, accesses to tables are checked unless `unchecked`. `profile`
+    register solids, textures and accelerators of yours. The files that a scene's file names lie in its folder, or
+    deeper, unless `allow_outside`. `accelerator` keeps the search for hits short; it does not change the
+    picture. Where modules of yours take part, accesses to tables are checked unless `unchecked`. `profile`
     tells what modules cost: on the CPU it times them, on one thread. `count`: afterwards some pixels are traced once
     more, by the CPU, to count the intersection tests and the steps that a ray takes (`stats["search"]`, see
     `tasuki.renderers.search_counts`).
@@ -120,7 +122,7 @@ def render(
     fillers = _resolve(modules or {}, method)
     tell = progress or (lambda doing, share: None)
     tell("loading", None)
-    loaded, loading = _load(scene)
+    loaded, loading = _load(scene, allow_outside)
     options = options or options_for(loaded.camera.resolution)
     tell("preparing", None)
     try:
@@ -175,7 +177,7 @@ def _bring(files: Sequence[str | Path], accelerator: str) -> None:
     lookup(accelerator)
 
 
-def _load(scene: Scene | str | Path) -> tuple[Scene, float]:
+def _load(scene: Scene | str | Path, allow_outside: bool) -> tuple[Scene, float]:
     """The scene, and the seconds that reading it took; importing what reads it is not counted."""
     from tasuki.scene.importers import load_scene
     from tasuki.scene.model import Scene
@@ -187,7 +189,7 @@ def _load(scene: Scene | str | Path) -> tuple[Scene, float]:
         raise SceneError(str(Diagnostic("this is no scene", expected=expected, found=repr(scene))))
 
     started = perf_counter()
-    return load_scene(scene), perf_counter() - started
+    return load_scene(scene, allow_outside=allow_outside), perf_counter() - started
 
 
 # --- modules that fill sockets ----------------------------------------------------------------------------------------

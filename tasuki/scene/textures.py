@@ -89,15 +89,17 @@ def textures() -> tuple[TextureKind, ...]:
     return tuple(_KINDS.values())
 
 
-def placed(texture: Texture, folder: Path) -> Texture:
-    """The texture with its files named from `folder`. What is wrong with it stays for `problems` to say."""
+def files(texture: Texture) -> dict[str, str]:
+    """The files that a texture names, by parameter."""
     kind = _KINDS.get(texture.kind)
     types = kind.takes if kind else {}
-    moved = {
-        name: str(folder / value) if types.get(name) == FILE and isinstance(value, str) else value
-        for name, value in texture.values.items()
-    }
-    return replace(texture, values=moved)
+    return {name: value for name, value in texture.values.items() if types.get(name) == FILE and isinstance(value, str)}
+
+
+def placed(texture: Texture, folder: Path) -> Texture:
+    """The texture with its files named from `folder`. What is wrong with it stays for `problems` to say."""
+    moved = {name: str(folder / file) for name, file in files(texture).items()}
+    return replace(texture, values={**texture.values, **moved})
 
 
 # --- what is wrong ----------------------------------------------------------------------------------------------------

@@ -438,7 +438,11 @@ def test_a_users_texture_and_its_file_from_the_folder_of_the_scene(tmp_path):
     original = load_scene(path)
     values = {"size": 2, "other": (1, 0, 0), "picture": str(tmp_path / "tiles.png")}
     assert original.materials == (Material("tiles", texture=Texture("checker", values)),)
-    assert scene(dump_yaml(original)) == original
+    again = dump_yaml(original).encode()
+    assert read(SourceText.from_bytes(str(path), again)) == original
+    with pytest.raises(SceneError, match=r"checker.picture: this file lies outside the scene's folder"):
+        read(SourceText.from_bytes("test.yaml", again))
+    assert read(SourceText.from_bytes("test.yaml", again, allow_outside=True)) == original
     published = scene_schema()["$defs"]["Texture"]["oneOf"]
     assert published[-1]["properties"]["checker"]["required"] == ["size", "picture"]
 

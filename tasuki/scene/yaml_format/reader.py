@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -14,8 +14,8 @@ from tasuki.scene.material import Material, Texture, Vector
 from tasuki.scene.model import Camera, DirectionalLight, PointLight, Scene
 from tasuki.scene.schema import CameraModel, DirectionalLightModel, MaterialModel, PointLightModel, SceneModel
 from tasuki.scene.shapes import Shapes
-from tasuki.scene.source import SourceText, scene_error
-from tasuki.scene.textures import placed
+from tasuki.scene.source import OUTSIDE, SourceText, scene_error
+from tasuki.scene.textures import files, placed
 from tasuki.scene.yaml_format.nodes import compose
 from tasuki.scene.yaml_format.places import Places
 from tasuki.scene.yaml_format.tree import Survey, build
@@ -41,11 +41,24 @@ def _read(source: SourceText) -> Scene:
     survey = Survey(places, list(places.plain("materials", dict)))
     if wrong or survey.wrong:
         raise scene_error(wrong + survey.wrong)
+    if outside := list(_outside(model.materials, places)):
+        raise scene_error(outside)
     scene = _scene(model, survey)
     if found_problems := problems(scene):
         # What is wrong inside a definition is found once more with every instance.
         raise scene_error(dict.fromkeys(map(places.locate, found_problems)))
     return scene
+
+
+def _outside(materials: Mapping[str, MaterialModel], places: Places) -> Iterator[Diagnostic]:
+    """What is wrong with the places of textures' files."""
+    message, expected = OUTSIDE
+    for name, material in materials.items():
+        for kind, parameters in (material.texture or {}).items():
+            for parameter, file in files(Texture(kind, parameters)).items():
+                if places.source.beside(file) is None:
+                    path = ("materials", name, "texture", kind, parameter)
+                    yield places.diagnostic(path, message, expected, repr(file))
 
 
 def _scene(model: SceneModel, survey: Survey) -> Scene:
