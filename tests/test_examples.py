@@ -37,7 +37,7 @@ def test_the_page_shows_every_scene():
 
 def test_the_page_shows_pictures_that_are_there_and_not_heavy():
     pictures = re.findall(r"!\[.+?\]\((.+?)\)", PAGE)
-    assert len(pictures) == len(COMMANDS)
+    assert len(pictures) == len(COMMANDS) + 1, "one of each command, and one of both methods"
     for picture in pictures:
         assert (EXAMPLES / picture).stat().st_size < 150 * 1024, picture
 
@@ -83,3 +83,12 @@ def test_poses_of_the_arm_differ_in_the_matrices_of_its_joints_alone():
         assert all(type(one) is type(other) and one.material == other.material for one, other in pairs)
     pictures = [np.asarray(picture) for picture in arm["poses"]((48, 48))]
     assert all(not np.array_equal(one, other) for one, other in itertools.combinations(pictures, 2))
+
+
+def test_both_methods_show_the_same_part():
+    both = runpy.run_path(str(EXAMPLES / "both_methods.py"))["side_by_side"](samples=1, size=(84, 72))
+    rays, rows = (half.astype(int) for half in np.split(both, 2, axis=1))
+    assert both.shape == (72, 168, 3)
+    # They differ by the shadows alone, in which the ray tracer's is darker.
+    assert (rays <= rows + 6).all(axis=2).mean() > 0.99
+    assert (np.abs(rays - rows).max(axis=2) <= 3).mean() > 0.5
