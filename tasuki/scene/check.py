@@ -14,6 +14,7 @@ import numpy as np
 from tasuki.scene import textures
 from tasuki.scene.collector import collector_paused
 from tasuki.scene.material import Material
+from tasuki.scene.mesh import Mesh
 from tasuki.scene.model import Camera, DirectionalLight, Light, Scene
 from tasuki.scene.problem import Path, Problem, dotted, number, point
 from tasuki.scene.shape_check import Census, shape_problems
@@ -69,7 +70,7 @@ def without_degenerate(scene: Scene) -> Scene:
 
 
 def _degenerate_inside(shapes: Shapes) -> list[str]:
-    """A warning for each polygon without area inside the nodes of `shapes`."""
+    """A warning for each polygon without area inside the nodes of `shapes`, and one for all those of a mesh."""
     if not shapes.nodes:
         return []
     census = Census(shapes)
@@ -77,7 +78,16 @@ def _degenerate_inside(shapes: Shapes) -> list[str]:
     polygons = [census.nodes[place] for place in places]
     degenerate = batch_of(POLYGON, polygons, [0] * len(polygons)).degenerate
     found = [census.nodes[place].place or dotted(census.path(place)) for place in places[degenerate]]
-    return [f"{where}: {NO_AREA}" for where in found]
+    return [f"{where}: {NO_AREA}" for where in found] + _degenerate_in_meshes(census)
+
+
+def _degenerate_in_meshes(census: Census) -> list[str]:
+    warnings = {}
+    for place in census.by_class.get(Mesh, []):
+        mesh = census.nodes[place]
+        if count := int(np.count_nonzero(mesh.shapes.polygons.degenerate)):
+            warnings[mesh.file] = f"{mesh.file}: warning: polygons without area are left out: {count:,}"
+    return list(warnings.values())
 
 
 def with_advice(scene: Scene) -> Scene:
