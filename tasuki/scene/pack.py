@@ -14,6 +14,7 @@ import numpy as np
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene import extents
 from tasuki.scene.check import problems
+from tasuki.scene.collector import collector_paused
 from tasuki.scene.flatten import Flat, flatten
 from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, lookup, record_dtype
 from tasuki.scene.lower import TWO_SIDED, Primitives, lower
@@ -79,6 +80,11 @@ def pack(scene: Scene) -> Packed:
 
     SceneError with everything that cannot be drawn, and where the scene does not fit the memory.
     """
+    with collector_paused():
+        return _pack(scene)
+
+
+def _pack(scene: Scene) -> Packed:
     found = problems(scene)
     if found:
         described = (f"the scene's {problem.dotted}: {problem.message}" for problem in found)
