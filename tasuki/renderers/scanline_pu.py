@@ -33,6 +33,8 @@ from tasuki.scene.model import Scene
 
 PICTURE = "picture"
 """The table that stands for the display memory."""
+BASED = ("linear", "linear_lit", "base_lit")
+"""The address modes in which compiled programs reach tables: by their base register."""
 
 
 @dataclass
@@ -68,7 +70,7 @@ class Pass:
         stored = 0
         for word, times in zip(compiled.words.words, self.executions.tolist(), strict=True):
             one = instruction(word)
-            if one.number["ag.br"] == compiled.bases[table]:
+            if one.name["ag.mode"] in BASED and one.number["ag.br"] == compiled.bases[table]:
                 stored += times * cost(one).words_written
         return stored
 
