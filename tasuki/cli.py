@@ -281,7 +281,7 @@ def convert(
 @app.command()
 def modules(
     as_json: AsJson = False,
-    cycles: Annotated[bool, typer.Option("--cycles", help="Measure cycles per item; --json does so too.")] = False,
+    cycles: Annotated[bool, typer.Option("--cycles", help="Measure cycles and PU steps; --json does so too.")] = False,
     with_files: WithFiles = None,
     debug: Debug = False,
 ) -> None:

@@ -275,15 +275,21 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def print_modules(rows: Sequence[dict[str, Any]], cycles: bool) -> None:
-    """The list of modules, with what they cost on this processor if `cycles`."""
-    columns = ["number", "method", "module", "socket", *(["cycles"] if cycles else []), "file"]
+    """The list of modules; if `cycles`, with what they cost on this processor, and on the PU under both schedules."""
+    costs = ["cycles", "macro steps", "compact steps"] if cycles else []
     table = []
     for row in rows:
-        spent = row["cpu"]["cycles"]
-        cost = ["" if spent is None else f"{spent:.1f}"] if cycles else []
         number = "" if row["number"] is None else str(row["number"])
-        table.append([number, row["method"] or "", row["name"], row["socket"] or "", *cost, _short(row["file"])])
-    print_table("", columns, table, ["number", "cycles"])
+        spent = _costs(row) if cycles else []
+        table.append([number, row["method"] or "", row["name"], row["socket"] or "", *spent, _short(row["file"])])
+    print_table("", ["number", "method", "module", "socket", *costs, "file"], table, ["number", *costs])
+
+
+def _costs(row: dict[str, Any]) -> list[str]:
+    """Cycles of the CPU, and typical steps of the PU under both schedules, of a module; empty where not known."""
+    macro, compact = (part["steps"]["typical"] for part in (row["pu"], row["pu"]["compact"]))
+    spent = row["cpu"]["cycles"]
+    return ["" if spent is None else f"{spent:.1f}", *("" if one is None else f"{one:,}" for one in (macro, compact))]
 
 
 def print_macros(rows: Sequence[dict[str, Any]]) -> None:
