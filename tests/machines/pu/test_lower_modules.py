@@ -16,9 +16,11 @@ from tasuki.ir.interpret import interpret
 from tasuki.ir.types import BOOL, I32, Table, Type
 from tasuki.language.declare import Module
 from tasuki.machines.cpu.structure import named_tables
-from tasuki.machines.pu.lower import ARITHMETIC, Executable
+from tasuki.machines.pu.lower import ARITHMETIC, Executable, compile_program
 from tasuki.modules.raytrace import trace_pixel
+from tasuki.modules.scanline.spans import draw_band
 from tasuki.programs import link_program
+from tasuki.renderers import scanline
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.raytrace import RayTracer, pixel_places
 from tasuki.scene import load_scene
@@ -110,3 +112,8 @@ def test_a_picture_is_the_interpreters_and_close_to_the_cpus(name):
     assert tracer.ray_counts() == expected_counts
     assert (np.abs(tracer.pixels() - cpu).max(axis=2) < 2 / 255).mean() >= 0.99
     assert abs(sum(counts.values()) - sum(expected_counts.values())) <= 0.001 * sum(counts.values()) + 1
+
+
+def test_a_program_is_compiled_to_the_same_text_each_time():
+    program = link_program(draw_band, scanline.FILLERS)
+    assert compile_program(program).source == compile_program(program).source

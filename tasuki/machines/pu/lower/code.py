@@ -8,6 +8,7 @@ writes and reads.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -19,9 +20,13 @@ SCALAR_BANKS = "xyzs"
 
 @dataclass(eq=False)
 class Register:
-    """A virtual register: of one bank ("x", "y", "z", "s", "i"), or of one number in several ("xyz", "xyzs")."""
+    """A virtual register: of one bank ("x", "y", "z", "s", "i"), or of one number in several ("xyz", "xyzs").
+
+    `age` counts registers as they are made: what is chosen among them never depends on where they lie in memory.
+    """
 
     banks: str
+    age: int = field(default_factory=itertools.count().__next__, init=False, repr=False)
 
     @property
     def place(self) -> Place:

@@ -116,7 +116,7 @@ def lives(items: Sequence[Item], blocks: Sequence[Block]) -> dict[Register, int]
     """For each register the positions where it must not be disturbed."""
     found: dict[Register, int] = {}
     for block in blocks:
-        ends = dict.fromkeys(block.live_out, STRIDE * block.end)
+        ends = dict.fromkeys(sorted(block.live_out, key=lambda one: one.age), STRIDE * block.end)
         for i in reversed(range(block.start, block.end)):
             item = items[i]
             if isinstance(item, Instruction):
