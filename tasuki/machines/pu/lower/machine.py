@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from tasuki.ir.types import BANKS, Record, Table
 from tasuki.machines.pu import isa, simulate
 from tasuki.machines.pu.lower.program import ARGUMENTS, RESULTS, AccessSite, Lowered, ProgramLowering
 from tasuki.machines.pu.lower.text import own_rows, write
+from tasuki.machines.pu.lower.written import read_written
 from tasuki.machines.pu.macro import assemble
 from tasuki.machines.pu.schedule import compact
 
@@ -48,13 +50,20 @@ class PUProgram:
     """Where the machine halts when an item is done."""
 
 
-def compile_program(program: Program, schedule: Schedule = "macro", *, checked: bool = False) -> PUProgram:
+def compile_program(
+    program: Program,
+    schedule: Schedule = "macro",
+    *,
+    checked: bool = False,
+    written: Mapping[str, Path] | None = None,
+) -> PUProgram:
     """Compile a verified program. Raises SourceError, with the place, where the machine cannot do what it asks for.
 
     `schedule`: "macro" leaves each macro as it is, "compact" lets macros overlap. `checked`: an index outside a table
-    ends the run with an error; else it reaches whatever memory holds there.
+    ends the run with an error; else it reaches whatever memory holds there. `written`: files of macro assembler text
+    that stand in for modules, by the modules' qualified names (docs/pu-compiler.md has their convention).
     """
-    lowered = ProgramLowering(program, checked).lower()
+    lowered = ProgramLowering(program, checked, read_written(program, written or {})).lower()
     text = write(lowered)
     name = f"{lowered.entry.label} of {program.entry}"
     assembly = assemble("".join(f"{line}\n" for line in text.lines), name)
@@ -91,8 +100,15 @@ def _record(lowered: Lowered, key: str) -> Record:
 class Executable:
     """A compiled program on one processor unit. May be run any number of times."""
 
-    def __init__(self, program: Program, schedule: Schedule = "macro", *, checked: bool = False) -> None:
-        self.compiled = compile_program(program, schedule, checked=checked)
+    def __init__(
+        self,
+        program: Program,
+        schedule: Schedule = "macro",
+        *,
+        checked: bool = False,
+        written: Mapping[str, Path] | None = None,
+    ) -> None:
+        self.compiled = compile_program(program, schedule, checked=checked, written=written)
         self.function = program.functions[program.entry]
         self.steps = np.zeros(0, np.int64)
         """Of the last run: the steps of each item."""

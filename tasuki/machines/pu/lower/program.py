@@ -15,7 +15,7 @@ an item, run the entry, and store its results; then it halts again.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from tasuki.diagnostics import Diagnostic, SourceError
@@ -24,11 +24,12 @@ from tasuki.ir.canonical import callees, reachable
 from tasuki.ir.types import VOID, Array, Record, Table, Tuple, Type
 from tasuki.machines.pu.isa import CALL_DEPTH, DEFAULT
 from tasuki.machines.pu.lower.allocate import Allocated, allocate
-from tasuki.machines.pu.lower.code import Code, Operand, Origin, Place, Word
+from tasuki.machines.pu.lower.code import Code, Operand, Origin, Place, Register, Word
 from tasuki.machines.pu.lower.function import BodyLowering, Bound, element_record
 from tasuki.machines.pu.lower.memory import MemoryAccess, RecordText, Slot
 from tasuki.machines.pu.lower.parts import banks_of, parts
 from tasuki.machines.pu.lower.values import Arithmetic, Value
+from tasuki.machines.pu.lower.written import RESERVED, Written, registers
 from tasuki.machines.pu.macro.operands import register
 from tasuki.machines.pu.meta.symbols import PREDEFINED
 
@@ -58,6 +59,8 @@ class Lowered:
     """The tables that have a descriptor, in the order of their rows."""
     frame_rows: int
     sites: list[AccessSite]
+    written: dict[str, tuple[str, Written]]
+    """Label -> the module and its body, of the subroutines that are written by hand."""
 
 
 @dataclass
@@ -75,6 +78,8 @@ class ProgramLowering:
 
     program: ir.Program
     checked: bool = False
+    written: Mapping[str, Written] = field(default_factory=dict)
+    """Modules that are written by hand, by their qualified names."""
     sites: list[AccessSite] = field(default_factory=list)
     slots: dict[str, Slot] = field(default_factory=dict)
     records: dict[Record, RecordText] = field(default_factory=dict)
@@ -84,7 +89,7 @@ class ProgramLowering:
 
     def __post_init__(self) -> None:
         self._labels: Counter[str] = Counter()
-        self._words: set[str] = {"start", "item", "frame"}
+        self._words = {*RESERVED, *(name for one in self.written.values() for name in one.names)}
         self._open: list[int] = []
         functions = reachable(self.program)
         self._assigned = {function.name: _assigned(function.body) for function in functions}
@@ -102,7 +107,12 @@ class ProgramLowering:
         self._open.append(0)
         bound = self._bound_arguments(entry, given, memory)
         results = [memory.arithmetic.fresh(banks_of(part)) for part in parts(entry.result)]
-        BodyLowering(self, code, entry, bound, results, memory).lower()
+        body = BodyLowering(self, code, entry, bound, results, memory)
+        if entry.name in self.written:
+            call = ir.Call(None, entry.name, (), span=entry.span)
+            body.set(results, self._called(body, entry, list(bound.values()), call))
+        else:
+            body.lower()
         if made:
             memory.put(self._described(RESULTS, made), range(len(made.leaves)), made.members[0][1], results)
         for name, record in ((ARGUMENTS, given), (RESULTS, made)):
@@ -114,7 +124,10 @@ class ProgramLowering:
         allocated = self._allocate("start", code, {}, [])
         routines = [routine.allocated for routine in self.routines.values()]
         slots = list(self.slots.values())
-        return Lowered(allocated, routines, slots, self.described, self.frame_rows, self.sites)
+        # What only a stand-in's own definition would have called is not there.
+        called = [(name, body) for name, body in self.written.items() if (name, ()) in self.routines]
+        written = {self.routines[name, ()].label: (name, body) for name, body in called}
+        return Lowered(allocated, routines, slots, self.described, self.frame_rows, self.sites, written)
 
     def _prologue(self) -> Code:
         """Sets up the registers of tables and arrays."""
@@ -147,7 +160,7 @@ class ProgramLowering:
     def call(self, caller: BodyLowering, node: ir.Call, arguments: Sequence[Bound]) -> Value:
         """The value of a call, inlined or not."""
         function = self.program.functions[node.function]
-        if function.name in self._inlined_names:
+        if function.name in self._inlined_names and function.name not in self.written:
             return self._inlined(caller, function, arguments)
         return self._called(caller, function, arguments, node)
 
@@ -167,7 +180,10 @@ class ProgramLowering:
         tables = tuple(one.name for one in arguments if isinstance(one, Slot))
         key = (function.name, tables)
         if key not in self.routines:
-            self.routines[key] = self._routine(function, arguments, node)
+            written = self.written.get(function.name)
+            self.routines[key] = (
+                self._written(function, written) if written else self._routine(function, arguments, node)
+            )
         routine = self.routines[key]
         self._open[-1] = max(self._open[-1], routine.depth + 1)
         given: list[Operand] = []
@@ -199,6 +215,15 @@ class ProgramLowering:
             message = f"calls are nested too deeply for the processor unit (in `{function.name}`)"
             raise SourceError([Diagnostic(message, node.span, f"at most {CALL_DEPTH} levels of subroutines")])
         return _Routine(label, bound, results, self._allocate(label, code, bound, results), depth)
+
+    def _written(self, function: ir.Function, written: Written) -> _Routine:
+        """A subroutine by hand: its registers are what the convention and its words say."""
+        label = self.fresh_label(self.label_of(function.name))
+        types = [one.type for one in function.parameters if isinstance(one.type, Type)]
+        given, made = registers(types), registers([function.result])
+        taken = set(written.changed).union(*(place.cells for place in (*given, *made)))
+        results = [Register(place.banks).place for place in made]
+        return _Routine(label, {}, results, Allocated(label, [], [*given], [*made], taken, self.frame_rows), 0)
 
     def _allocate(self, label: str, code: Code, bound: dict[str, Bound], results: list[Place]) -> Allocated:
         parameters = [one for value in bound.values() if not isinstance(value, Slot) for one in value]

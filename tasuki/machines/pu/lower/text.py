@@ -43,6 +43,11 @@ def write(lowered: Lowered) -> Text:
     for piece, end in pieces:
         text.add("")
         text.add(f"{piece.label}:")
+        module, written = lowered.written.get(piece.label, ("", None))
+        if written:
+            for line in written.lines:
+                text.add(line, module)
+            continue
         _write_items(text, piece.items)
         if end == "return":
             last = next((item.origin.module for item in reversed(piece.items) if isinstance(item, Final)), "")
