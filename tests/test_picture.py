@@ -256,7 +256,7 @@ def test_what_cannot_be_rendered(scene: Scene):
         render(scene, machine="python", profile=True)
     with pytest.raises(SceneError, match="unknown method 'magic'"):
         render(scene, method="magic")
-    with pytest.raises(LinkError, match="no socket `texture`"):
-        render(scene, modules={"texture": white})
+    with pytest.raises(LinkError, match="no socket `paint`"):
+        render(scene, modules={"paint": white})
     with pytest.raises(LinkError, match="`no_shading` cannot fill socket `shading`"):
         render(scene, modules={"shading": no_shading})
