@@ -69,8 +69,13 @@ def measured() -> dict[str, Any]:
         "machine": machine(),
         "frames": frames,
         "shared": [shared(tracer, distribution, work) for distribution, work in WAYS],
-        "modules": describe(all_modules(), measured=True),
+        "modules": [_with_short_path(row) for row in describe(all_modules(), measured=True)],
     }
+
+
+def _with_short_path(row: dict[str, Any]) -> dict[str, Any]:
+    """What is said of a module, its file as seen from the root of the repository."""
+    return {**row, "file": Path(row["file"]).relative_to(ROOT).as_posix()}
 
 
 def traced(path: Path, schedule: Schedule) -> MicrocodeTracer:
