@@ -15,7 +15,7 @@ from tasuki.modules import records as rec
 from tasuki.scene import extents
 from tasuki.scene.kinds import resolve
 from tasuki.scene.pack import Packed
-from tasuki.scene.source import suggestion
+from tasuki.scene.source import BROUGHT, suggestion
 
 Tables = Mapping[str, Any]
 """Tables by name: (record, count) for zeros, or a structured array."""
@@ -66,8 +66,8 @@ def lookup(name: str) -> Accelerator:
     """The accelerator named `name`; SceneError, naming those that exist, where there is none."""
     if name not in _ACCELERATORS:
         known = list(_ACCELERATORS)
-        message = f"unknown accelerator {name!r}"
-        raise SceneError(str(Diagnostic(message, None, ", ".join(known), repr(name), suggestion(name, known))))
+        message, hint = f"unknown accelerator {name!r}", suggestion(name, known) or BROUGHT
+        raise SceneError(str(Diagnostic(message, None, ", ".join(known), repr(name), hint)))
     return _ACCELERATORS[name]
 
 

@@ -113,18 +113,22 @@ class Tessellator:
         self, constant: float, curve: float, slope: float, reach: tuple[float, float], values: np.ndarray
     ) -> list[np.ndarray]:
         """Outlines (radius, height) of the solid of revolution radius^2 < constant - slope z - curve z^2."""
+
+        def square(z: Any) -> Any:
+            return constant - slope * z - curve * z * z
+
         roots = _real_roots(-curve, -slope, constant)
         ends = [reach[0], *(z for z in roots if reach[0] < z < reach[1]), reach[1]]
         outlines = []
         for low, high in pairwise(ends):
             middle = (low + high) / 2.0
-            if constant - slope * middle - curve * middle * middle <= 0.0:
+            if square(middle) <= 0.0:
                 continue
             straight = slope == 0.0 and (curve == 0.0 or constant == 0.0)
-            widest = np.sqrt(max(constant - slope * z - curve * z * z for z in (low, middle, high)))
+            widest = np.sqrt(max(map(square, (low, middle, high))))
             steps = 1 if straight else self._arcs(widest / np.sqrt(values.min()), high - low)
             heights = (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.linspace(0.0, np.pi, steps + 1))
-            squares = np.maximum(constant - slope * heights - curve * heights**2, 0.0)
+            squares = np.maximum(square(heights), 0.0)
             squares[0] = 0.0 if low in roots else squares[0]
             squares[-1] = 0.0 if high in roots else squares[-1]
             outline = np.column_stack([np.sqrt(squares), heights])

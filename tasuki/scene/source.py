@@ -129,6 +129,10 @@ def quote(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
+BROUGHT = "what is of your own is brought by --with FILE.py"
+"""The hint where nothing known is like a word that a user's file may make known."""
+
+
 def suggestion(word: str, known: Sequence[str]) -> str | None:
     """A hint that names the known word most like `word`, where one is."""
     import difflib  # needed only to say what is wrong

@@ -13,7 +13,7 @@ from tasuki.scene.problem import Path, Problem, dotted
 from tasuki.scene.schema import known_keys
 from tasuki.scene.schema_fields import TAG, Model
 from tasuki.scene.schema_nodes import node_models
-from tasuki.scene.source import SourceText, quote, suggestion
+from tasuki.scene.source import BROUGHT, SourceText, quote, suggestion
 from tasuki.scene.yaml_format.nodes import Node
 
 MOST_STEPS = 24
@@ -187,7 +187,7 @@ class Places:
         if not isinstance(node.value, dict) or len(node.value) != 1:
             return self.diagnostic(path, "a node has one key", f"one key, {expected}", node.describe())
         ((name, (key, _)),) = node.value.items()
-        span, hint = key.span(self.source.file), suggestion(name, known)
+        span, hint = key.span(self.source.file), suggestion(name, known) or BROUGHT
         return self.diagnostic(path, "there is no such node", expected, quote(name), hint, span)
 
 
