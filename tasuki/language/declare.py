@@ -239,7 +239,7 @@ class RecordValue(metaclass=RecordType):
     """One record as a Python value. Fields are converted to the types of the language when it is made."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        from tasuki.language.values import convert
+        from tasuki.language.conversion import convert
 
         cls = type(self)
         fields = cls.ir.fields

@@ -24,10 +24,11 @@ from tasuki.ir.paths import at_path
 from tasuki.ir.types import BANKS, Array, Record, Type
 from tasuki.ir.types import I32 as I32_TYPE
 from tasuki.ir.types import Table as TableType
+from tasuki.language.conversion import convert, updated
 from tasuki.language.declare import Module
 from tasuki.language.rewrite import plain_function
 from tasuki.language.tables import Table
-from tasuki.language.values import F32, I32, convert, evaluate, from_leaves, leaves, updated
+from tasuki.language.values import F32, I32, evaluate, from_leaves, leaves
 
 _DTYPES = {"f32": np.dtype(np.float32), "i32": np.dtype(np.int32), "bool": np.dtype(np.bool_)}
 _ONE_LANE = np.ones(1, bool)

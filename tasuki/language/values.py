@@ -8,7 +8,7 @@ float never becomes i32).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from ctypes import c_float
 from typing import Any, ClassVar, NoReturn
 from weakref import WeakValueDictionary
@@ -18,7 +18,6 @@ import numpy as np
 from tasuki.ir import types
 from tasuki.ir.expansions import Term
 from tasuki.ir.ops import OPERATIONS, Operation
-from tasuki.ir.paths import at_path
 
 OPERATION_NAMES = {"min": "minimum", "max": "maximum", "abs": "absolute"}
 """What the language calls an operation of the table, where the table has another name for it."""
@@ -30,7 +29,6 @@ _COMPONENTS = "xyzw"
 
 
 # --- operators ------------------------------------------------------------------------------------------------------
-
 
 Method = Callable[..., Any]
 
@@ -261,7 +259,7 @@ def _compound_leaves(type_: types.Type, parts: tuple[Any, ...]) -> tuple[F32, ..
         if isinstance(part, _Compound):
             flat += part._leaves
         else:
-            flat.append(convert(types.F32, part))
+            flat.append(scalar_of(types.F32, part))
     if len(parts) == 1 and len(flat) == 1:
         return tuple(flat * count)
     if len(flat) != count:
@@ -347,14 +345,13 @@ def _expand(operation: Operation, operands: Sequence[Any], result: types.Type) -
     """A composite: its primitives in their stated order, on NumPy scalars."""
     assert operation.expansion is not None
     terms = [
-        [Term(_to_numpy(leaf), scalar, _apply_primitive, _numpy_literal) for leaf, scalar in _named_leaves(operand)]
+        [
+            Term(_to_numpy(leaf), scalar, _apply_primitive, _numpy_literal)
+            for leaf, scalar in zip(leaves(operand), type_of(operand).leaves, strict=True)
+        ]
         for operand in operands
     ]
     return from_leaves(result, [term.value.item() for term in operation.expansion(*terms)])
-
-
-def _named_leaves(value: Any) -> Iterable[tuple[Any, str]]:
-    return zip(leaves(value), type_of(value).leaves, strict=True)
 
 
 def _apply_primitive(name: str, values: Sequence[Any], _: Sequence[str]) -> Any:
@@ -411,7 +408,7 @@ def _may_equal(left: Any, right: Any) -> bool:
     return isinstance(left, F32) or isinstance(right, int | np.integer)
 
 
-# --- types, conversion, leaves --------------------------------------------------------------------------------------
+# --- types, leaves --------------------------------------------------------------------------------------
 
 # The Python class of every record type that `@record` has made: values of a record are built from leaves alone.
 _record_classes: WeakValueDictionary[types.Record, type] = WeakValueDictionary()
@@ -436,25 +433,8 @@ def type_of(value: Any) -> types.Type:
     return found
 
 
-def convert(type_: types.Type, value: Any) -> Any:
-    """A value of `type_`, made from what Python and NumPy have for it.
-
-    Numbers for scalars; a sequence or array for a vector; an array `[row][column]` for a matrix; an instance, mapping
-    or structured scalar for a record; a sequence for a tuple. Raises TypeError with the place inside the value, and
-    never converts between f32 and i32 values.
-    """
-    if isinstance(type_, types.Scalar):
-        return _convert_scalar(type_, value)
-    if isinstance(type_, types.Vector | types.Matrix):
-        return _convert_compound(type_, value)
-    if isinstance(type_, types.Record):
-        return _convert_record(type_, value)
-    if isinstance(type_, types.Tuple):
-        return _convert_tuple(type_, value)
-    raise TypeError(f"{type_} has no values that could be converted to")
-
-
-def _convert_scalar(type_: types.Scalar, value: Any) -> Any:
+def scalar_of(type_: types.Scalar, value: Any) -> Any:
+    """`value` as a scalar of `type_`; a number of Python's is a literal. TypeError where it is none."""
     if isinstance(value, np.ndarray) and value.shape == ():
         value = value[()]
     if isinstance(value, bool | np.bool_):
@@ -465,58 +445,7 @@ def _convert_scalar(type_: types.Scalar, value: Any) -> Any:
             return value if isinstance(value, F32) else F32(value)
     elif type_ == types.I32 and isinstance(value, int | np.integer):
         return value if isinstance(value, I32) else _fitting_i32(value)
-    raise TypeError(f"expected {type_}, found {_describe(value)}")
-
-
-def _convert_compound(type_: types.Type, value: Any) -> Any:
-    if type_of_or_none(value) == type_:
-        return value
-    shape = (4, 4) if type_ == types.MAT4 else (len(type_.leaves),)
-    try:
-        numbers = np.asarray(value)
-    except ValueError:
-        numbers = np.empty(0)
-    if numbers.shape != shape or numbers.dtype.kind not in "fiu":
-        raise TypeError(f"expected {type_}: numbers of shape {shape}, found {_describe(value)}")
-    # In memory, and so among the leaves, a matrix stands column by column.
-    return from_leaves(type_, [F32(number) for number in numbers.T.reshape(-1)])
-
-
-def _convert_record(type_: types.Record, value: Any) -> Any:
-    if type_of_or_none(value) == type_:
-        return value
-    if isinstance(value, np.void) and value.dtype.names == tuple(name for name, _ in type_.fields):
-        return from_leaves(type_, _structured_leaves(value))
-    if not isinstance(value, Mapping):
-        raise TypeError(f"expected {type_}, found {_describe(value)}")
-    names = [name for name, _ in type_.fields]
-    if set(value) != set(names):
-        raise TypeError(f"{type_} has the fields {', '.join(names)}; found {', '.join(map(str, value))}")
-    return _new_record(type_, [_convert_inside(f"{type_}.{name}", t, value[name]) for name, t in type_.fields])
-
-
-def _structured_leaves(value: np.void) -> list[Any]:
-    """The numbers in a structured scalar, as they stand in memory: a matrix column by column, a bool as an integer."""
-    numbers: list[Any] = []
-    for name in value.dtype.names or ():
-        field = value[name]
-        numbers += _structured_leaves(field) if isinstance(field, np.void) else np.ravel(field).tolist()
-    return numbers
-
-
-def _convert_tuple(type_: types.Tuple, value: Any) -> Any:
-    if type_ == types.VOID and value is None:
-        return None
-    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str) or len(value) != len(type_.items):
-        raise TypeError(f"expected {type_}, found {_describe(value)}")
-    return tuple(_convert_inside(f"item {i}", t, value[i]) for i, t in enumerate(type_.items))
-
-
-def _convert_inside(place: str, type_: types.Type, value: Any) -> Any:
-    try:
-        return convert(type_, value)
-    except TypeError as error:
-        raise TypeError(f"{place}: {error}") from None
+    raise TypeError(f"expected {type_}, found {described(value)}")
 
 
 def type_of_or_none(value: Any) -> types.Type | None:
@@ -527,7 +456,8 @@ def type_of_or_none(value: Any) -> types.Type | None:
         return None
 
 
-def _describe(value: Any) -> str:
+def described(value: Any) -> str:
+    """`value` as messages call it: its type, where it is a value of the language, and what it is."""
     found = type_of_or_none(value)
     return f"{found} {value!r}" if found else f"{type(value).__name__} {value!r}"
 
@@ -560,19 +490,11 @@ def from_leaves(type_: types.Type, flat: Sequence[Any]) -> Any:
         count = len(member.leaves)
         parts.append(from_leaves(member, flat[:count]))
         flat = flat[count:]
-    return tuple(parts) if isinstance(type_, types.Tuple) else _new_record(type_, parts)
+    return tuple(parts) if isinstance(type_, types.Tuple) else new_record(type_, parts)
 
 
-def _new_record(type_: types.Type, fields: Sequence[Any]) -> Any:
+def new_record(type_: types.Type, fields: Sequence[Any]) -> Any:
+    """The value of a record type with these fields. TypeError where no class is known for it."""
     if not isinstance(type_, types.Record) or type_ not in _record_classes:
         raise TypeError(f"no Python class is known for {type_}; declare it with @record")
     return _record_classes[type_](*fields)
-
-
-def updated(value: Any, path: Sequence[str], new: Any) -> Any:
-    """`value` with the member at `path` replaced by `new`; `value` itself stays as it was."""
-    type_ = type_of(value)
-    member, place = at_path(type_, path)
-    flat = leaves(value)
-    flat[place.start : place.stop] = leaves(convert(member, new))
-    return from_leaves(type_, flat)

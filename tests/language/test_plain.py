@@ -56,9 +56,10 @@ from tasuki.language import (
     vec3,
     vec4,
 )
+from tasuki.language.conversion import convert
 from tasuki.language.declare import Module
 from tasuki.language.plain import memory_table, tables
-from tasuki.language.values import F32, I32, Vec3, convert, from_leaves, leaves
+from tasuki.language.values import F32, I32, Vec3, from_leaves, leaves
 
 floats = st.floats(width=32) | st.sampled_from([0.0, -0.0, 2.0**-149, 2.0**128 - 2.0**104, np.inf, -np.inf, np.nan])
 tame = st.floats(-100, 100, width=32)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from tasuki.ir import types
 from tasuki.ir.ops import OPERATIONS
-from tasuki.language.values import F32, I32, Mat4, Vec3, Vec4, convert, evaluate, from_leaves, leaves, type_of, updated
+from tasuki.language.conversion import convert, updated
+from tasuki.language.values import F32, I32, Mat4, Vec3, Vec4, evaluate, from_leaves, leaves, type_of
 
 NASTY_FLOATS = (0.0, -0.0, 1.0, -1.5, 2.0**-149, -(2.0**-127), 2.0**128 - 2.0**104, np.inf, -np.inf, np.nan)
 NASTY_INTS = (0, 1, -1, 2, -7, 31, 32, 33, -33, 2**31 - 1, -(2**31))
