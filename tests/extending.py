@@ -23,9 +23,9 @@ def registries() -> Iterator[None]:
     """What is registered meanwhile is forgotten afterwards, and files that are run meanwhile can be run again."""
     before = set(sys.modules)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
-        patch.setattr(textures, "_KINDS", dict(textures._KINDS))
-        patch.setattr(accelerators, "_ACCELERATORS", dict(accelerators._ACCELERATORS))
+        patch.setattr(kinds, "_KINDS", kinds._KINDS.copy())
+        patch.setattr(textures, "_KINDS", textures._KINDS.copy())
+        patch.setattr(accelerators, "_ACCELERATORS", accelerators._ACCELERATORS.copy())
         yield
     for name in set(sys.modules) - before:
         if hasattr(sys.modules[name], "__tasuki_digest__"):

@@ -12,12 +12,14 @@ from typer.testing import CliRunner, Result
 
 from tasuki import render
 from tasuki.cli import app
+from tasuki.diagnostics import SceneError, SourceError
 from tasuki.language.load import load_file
 from tasuki.renderers.extensions import load_extensions
 from tasuki.renderers.options import RenderOptions
 from tasuki.renderers.raytrace import RayTracer
 from tasuki.renderers.search_counts import search_counts
 from tasuki.scene import Camera, HalfSpace, Material, PointLight, Scene, Solid, Sphere, load_scene
+from tasuki.scene.kinds import kinds, lookup
 from tasuki.scene.textures import textures
 from tests.extending import EXAMPLES, brought, registries
 
@@ -179,13 +181,13 @@ WRONG = {
     "no Python": ("def", ["mine.py:1", "this is not Python"]),
     "fails": ("x = 1\ny = x / 0\n", ["mine.py:2", "ZeroDivisionError"]),
     "registers nothing": ("x = 1\n", ["mine.py' registers nothing", "expected: a call of `register`"]),
-    "a kind twice": (
+    "a kind of ours": (
         "from tasuki.scene.kinds import lookup, register\nregister(lookup('cone'))\n",
         ["mine.py:2", "there is a primitive kind 'cone' already", "| register(lookup('cone'))"],
     ),
-    "an accelerator twice": (
+    "an accelerator of ours": (
         "from tasuki.renderers.accelerators import lookup, register\nregister(lookup('bvh'))\n",
-        ["mine.py:2", "there is an accelerator 'bvh' already"],
+        ["mine.py:2", "there is an accelerator 'bvh' already", "found: one that comes with Tasuki"],
     ),
     "a solid without an inside": (
         "from tasuki.scene.kinds import PrimitiveKind, register\nregister(PrimitiveKind('knot', 'solid', 't', 'b'))\n",
@@ -223,3 +225,57 @@ def test_a_file_that_was_run_before_is_known(tmp_path):
     load_file(tmp_path / "mine.py")
     load_extensions([tmp_path / "mine.py", tmp_path / "mine.py"])
     assert [kind.name for kind in textures()] == ["stripes"]
+
+
+# --- a file that is changed and loaded again --------------------------------------------------------------------------
+
+
+def test_a_changed_file_replaces_what_it_brought(tmp_path):
+    mine, scene = tmp_path / "mine.py", tmp_path / "scene.yaml"
+    mine.write_text(STRAYING.replace("stripes[1000000].size", "one.size"))
+    scene.write_text(STRIPED)
+    first = render(scene, with_files=[mine])
+    before = load_scene(scene)
+    mine.write_text(STRAYING.replace("stripes[1000000].size", "(0.5 * one.size)"))
+    second = render(scene, with_files=[mine])
+    assert [kind.name for kind in textures()] == ["stripes"]
+    np.testing.assert_allclose(second.pixels[..., :3], 0.5 * first.pixels[..., :3], rtol=1e-6)
+    assert np.array_equal(render(before).pixels, second.pixels)
+
+
+def test_a_changed_file_leaves_the_numbers_of_kinds_as_they_are(tmp_path):
+    mine = tmp_path / "mine.py"
+    kind = "from tasuki.scene.kinds import PrimitiveKind, lookup, register\n"
+    kind += "".join(
+        f"register(PrimitiveKind('{name}', 'surface', 'table', 'box', hit='hit', surface='surface'))\n"
+        for name in ("disc", "patch")
+    )
+    mine.write_text(kind)
+    load_extensions([mine])
+    numbers = {one.name: one.number for one in kinds()}
+    mine.write_text(kind.replace("'hit'", "'another'"))
+    load_extensions([mine])
+    assert {one.name: one.number for one in kinds()} == numbers
+    assert lookup("disc").hit == lookup("patch").hit == "another"
+
+
+def test_a_file_that_failed_can_be_mended(tmp_path):
+    mine = tmp_path / "mine.py"
+    mine.write_text(STRAYING + "1 / 0\n")
+    with pytest.raises(SourceError, match="ZeroDivisionError"):
+        load_extensions([mine])
+    mine.write_text(STRAYING)
+    load_extensions([mine])
+    assert [kind.name for kind in textures()] == ["stripes"]
+
+
+def test_another_file_cannot_take_the_name(tmp_path):
+    first, second = tmp_path / "first.py", tmp_path / "second.py"
+    first.write_text(STRAYING)
+    second.write_text("\n" + STRAYING)
+    load_extensions([first])
+    with pytest.raises(SceneError) as caught:
+        load_extensions([second])
+    said = str(caught.value)
+    assert f"{second}:16:1: error: there is a texture 'stripes' already" in said
+    assert f"{first}:15:1: note: it was registered here first" in said

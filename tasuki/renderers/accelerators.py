@@ -15,6 +15,7 @@ from tasuki.modules import records as rec
 from tasuki.scene import extents
 from tasuki.scene.kinds import resolve
 from tasuki.scene.pack import Packed
+from tasuki.scene.registry import Origin, Registry
 from tasuki.scene.source import BROUGHT, suggestion
 
 Tables = Mapping[str, Any]
@@ -51,15 +52,15 @@ def _resolved(value: Any) -> Any:
     return resolve(value) if isinstance(value, str) else value
 
 
-_ACCELERATORS: dict[str, Accelerator] = {}
+_ACCELERATORS: Registry[Accelerator] = Registry("accelerator")
 
 
 def register(accelerator: Accelerator) -> Accelerator:
-    """Make `accelerator` known. SceneError where there is one of its name."""
-    if accelerator.name in _ACCELERATORS:
-        raise SceneError(str(Diagnostic(f"there is an accelerator {accelerator.name!r} already")))
-    _ACCELERATORS[accelerator.name] = accelerator
-    return accelerator
+    """Make `accelerator` known. What the same file registered under its name is replaced.
+
+    SceneError where another file has taken the name.
+    """
+    return _ACCELERATORS.enter(accelerator.name, accelerator, Origin.of_caller())
 
 
 def lookup(name: str) -> Accelerator:

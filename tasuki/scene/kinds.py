@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from tasuki.diagnostics import SceneError
+from tasuki.scene.registry import Origin, Registry
 from tasuki.scene.source import suggestion
 
 UNIT_MATRIX = 4
@@ -87,18 +88,18 @@ class PrimitiveKind:
         return self.resolve("table").named(f"{self.name}s")
 
 
-_KINDS: dict[str, PrimitiveKind] = {}
+_KINDS: Registry[PrimitiveKind] = Registry("primitive kind", MOST_KINDS)
 
 
 def register(kind: PrimitiveKind) -> PrimitiveKind:
-    """Make `kind` known; the result has its number. SceneError where its name is taken, or it is inconsistent."""
-    if kind.name in _KINDS:
-        raise SceneError(f"error: there is a primitive kind {kind.name!r} already")
-    if len(_KINDS) == MOST_KINDS:
-        raise SceneError(f"error: no room for the primitive kind {kind.name!r}: there are {MOST_KINDS} already")
+    """Make `kind` known; the result has its number. What the same file registered under its name is replaced.
+
+    SceneError where another file has taken the name, or the kind is inconsistent.
+    """
+    origin = Origin.of_caller()
+    number = _KINDS.number(kind.name, origin)
     _check_roles(kind)
-    _KINDS[kind.name] = replace(kind, number=len(_KINDS))
-    return _KINDS[kind.name]
+    return _KINDS.enter(kind.name, replace(kind, number=number), origin)
 
 
 def _check_roles(kind: PrimitiveKind) -> None:

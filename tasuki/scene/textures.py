@@ -19,6 +19,7 @@ from tasuki.language import Table
 from tasuki.language.declare import Module
 from tasuki.scene.material import Material, Texture
 from tasuki.scene.problem import Problem
+from tasuki.scene.registry import Origin, Registry
 from tasuki.scene.source import suggestion
 
 MOST_KINDS = 32
@@ -67,21 +68,21 @@ class TextureKind:
         return {name: str(type_) for name, type_ in self.table.record.ir.fields}
 
 
-_KINDS: dict[str, TextureKind] = {}
+_KINDS: Registry[TextureKind] = Registry("texture", MOST_KINDS)
 
 
 def register(kind: TextureKind) -> TextureKind:
-    """Make `kind` known; the result has its number. SceneError where its name is taken, or there is no room."""
-    if kind.name in _KINDS:
-        raise SceneError(str(Diagnostic(f"there is a texture {kind.name!r} already")))
-    if len(_KINDS) == MOST_KINDS:
-        raise SceneError(str(Diagnostic(f"no room for the texture {kind.name!r}: there are {MOST_KINDS} already")))
+    """Make `kind` known; the result has its number. What the same file registered under its name is replaced.
+
+    SceneError where another file has taken the name, or there is no room.
+    """
+    origin = Origin.of_caller()
+    number = _KINDS.number(kind.name, origin)
     for name, type_ in kind.takes.items():
         if type_ not in TYPES:
             message = f"the texture {kind.name!r} cannot have a parameter {name!r} of this type"
             raise SceneError(str(Diagnostic(message, None, ", ".join(TYPES), repr(type_))))
-    _KINDS[kind.name] = replace(kind, number=len(_KINDS))
-    return _KINDS[kind.name]
+    return _KINDS.enter(kind.name, replace(kind, number=number), origin)
 
 
 def textures() -> tuple[TextureKind, ...]:

@@ -10,7 +10,7 @@ from tasuki.scene.kinds import PrimitiveKind, lookup, register, resolve
 
 @pytest.fixture
 def registry(monkeypatch):
-    monkeypatch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
+    monkeypatch.setattr(kinds, "_KINDS", kinds._KINDS.copy())
 
 
 def surface(name):

@@ -73,7 +73,7 @@ def nested(node, levels):
 
 @pytest.fixture
 def registry(monkeypatch):
-    monkeypatch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
+    monkeypatch.setattr(kinds, "_KINDS", kinds._KINDS.copy())
 
 
 @record

@@ -363,8 +363,8 @@ def test_models_have_the_fields_of_the_nodes(key):
 
 @pytest.fixture
 def registry(monkeypatch):
-    monkeypatch.setattr(kinds, "_KINDS", dict(kinds._KINDS))
-    monkeypatch.setattr(textures, "_KINDS", dict(textures._KINDS))
+    monkeypatch.setattr(kinds, "_KINDS", kinds._KINDS.copy())
+    monkeypatch.setattr(textures, "_KINDS", textures._KINDS.copy())
 
 
 @record
