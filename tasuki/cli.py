@@ -162,6 +162,10 @@ def render(
     work: Annotated[
         str, typer.Option(metavar="N|scanline", help="Machine pu: pixels that a unit gets at a time.")
     ] = "4",
+    microcode: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MODULE=FILE", help="Machine pu: your microcode for a module. Repeatable."),
+    ] = None,
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write counts and timings.")] = None,
     profile: Annotated[bool, typer.Option("--profile", help="Show the cycles, or steps, of each module.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -173,7 +177,7 @@ def render(
         "machine": machine,
         "size": _numbers(size, r"(\d+)x(\d+)", "--size", "WxH, such as 512x512"),
         "region": _numbers(region, r"(\d+),(\d+),(\d+),(\d+)", "--region", "X,Y,W,H, such as 0,0,64,64"),
-        "modules": _socket_fillers(modules or []),
+        "modules": _by_name(modules or [], "--module", "SOCKET=FILE.py:NAME", "socket {!r} is filled twice"),
         "with_files": with_files or [],
         "allow_outside": allow_outside,
         "accelerator": accelerator,
@@ -188,6 +192,7 @@ def render(
         "clock": clock,
         "distribution": distribution,
         "work": int(work) if work.isdecimal() else work,
+        "microcode": _by_name(microcode or [], "--microcode", "MODULE=FILE", "two files stand in for {!r}"),
         "count": stats is not None,
     }
     with reported(debug):
@@ -430,17 +435,17 @@ def _numbers(text: str | None, pattern: str, option: str, expected: str) -> tupl
     return tuple(int(number) for number in found.groups())
 
 
-def _socket_fillers(given: list[str]) -> dict[str, str]:
-    """{socket: "FILE.py:NAME"} of the options --module."""
-    fillers: dict[str, str] = {}
+def _by_name(given: list[str], option: str, form: str, twice: str) -> dict[str, str]:
+    """{name: value} of an `option` that is given as NAME=VALUE again and again; `twice` says that a name is."""
+    values: dict[str, str] = {}
     for text in given:
-        socket, equals, module = text.partition("=")
-        if not (socket and equals and module):
-            raise typer.BadParameter(f"expected SOCKET=FILE.py:NAME; found {text!r}", param_hint="--module")
-        if socket in fillers:
-            raise typer.BadParameter(f"socket {socket!r} is filled twice", param_hint="--module")
-        fillers[socket] = module
-    return fillers
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise typer.BadParameter(f"expected {form}; found {text!r}", param_hint=option)
+        if name in values:
+            raise typer.BadParameter(twice.format(name), param_hint=option)
+        values[name] = value
+    return values
 
 
 def process_seconds() -> float:

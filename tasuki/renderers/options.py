@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Literal, get_args
 
 from tasuki.diagnostics import Diagnostic, SceneError
@@ -40,6 +42,7 @@ class RenderOptions:
     `machine`: "cpu", "python" or "pu". For the latter `pus` is the number of processor units, `schedule` how their
     microcode is laid out, `clock` their steps in a second, in millions, and `distribution` how they come by their
     `work`, static (interleaved) or dynamic: so many pixels at a time, counted row by row, or a scanline of the region.
+    `microcode`: files that stand in for modules, by the modules' names (`tasuki.renderers.microcode`).
     `accelerator`: one of `tasuki.renderers.accelerators`. `count`: afterwards the search is counted
     (`tasuki.renderers.search_counts`).
     """
@@ -61,6 +64,7 @@ class RenderOptions:
     clock: float = 5.0
     distribution: Distribution = "dynamic"
     work: Work = 4
+    microcode: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, least, most in (
@@ -100,6 +104,9 @@ class RenderOptions:
             )
 
     def _check_processor_units(self) -> None:
+        if self.microcode and self.machine != "pu":
+            message = "only the machine pu runs microcode written by hand"
+            raise SceneError(str(Diagnostic(message, expected="the machine pu", found=self.machine)))
         for name, known in (
             ("schedule", get_args(Schedule)),
             ("distribution", get_args(Distribution)),

@@ -23,6 +23,7 @@ from tasuki.machines.pu.simulate.counters import UNITS, Counters, count
 from tasuki.machines.pu.simulate.instruction import FPP
 from tasuki.machines.pu.system import System, draw, saturation
 from tasuki.programs import REPORT, link_program
+from tasuki.renderers.microcode import stand_ins
 from tasuki.renderers.options import RenderOptions
 from tasuki.renderers.prepared import PreparedScene
 
@@ -40,7 +41,8 @@ PICTURE_TABLES = ("arguments", "picture", "ray_counts")
 class MicrocodeTracer:
     """An entry that traces pixels by their place, as microcode; and what the last picture took.
 
-    Raises SourceError where a module asks for what the processor unit cannot do.
+    Raises SourceError where a module asks for what the processor unit cannot do, and where a file cannot stand in for
+    a module; LinkError where there is no such module.
     """
 
     entry: Module
@@ -54,7 +56,8 @@ class MicrocodeTracer:
     def __post_init__(self) -> None:
         started = perf_counter()
         program = link_program(self.entry, self.prepared.fillers())
-        self.executable = Executable(program, self.options.schedule)
+        [self.written] = stand_ins(self.options.microcode, [program])
+        self.executable = Executable(program, self.options.schedule, written=self.written)
         REPORT.seconds += perf_counter() - started
         self._clear()
 
@@ -108,6 +111,7 @@ class MicrocodeTracer:
             "fpp_busy": mean_busy(counters),
             "busy": {unit: counters.busy_share(unit) for unit in UNITS},
             **self._system_report(),
+            "microcode": {module: str(path) for module, path in self.written.items()},
             "modules": module_rows([(self.compiled, self.executions)]),
         }
 

@@ -67,6 +67,7 @@ def render(
     clock: float = 5.0,
     distribution: str = "dynamic",
     work: int | str = 4,
+    microcode: Mapping[str, str | Path] | None = None,
     progress: Progress | None = None,
 ) -> Picture:
     """A picture of a scene, or of the scene in a file.
@@ -80,7 +81,8 @@ def render(
     their number does not change the picture. `machine` "python" runs the modules' own source, one pixel after another:
     slow, and open to any debugger; the picture is the same. `machine` "pu" is the paper's: `pus` processor units,
     simulated, of `clock` million steps a second; the `schedule` of their microcode is "macro" or "compact"; they get
-    `work`, so many pixels or a "scanline" at a time, by "static" or "dynamic" `distribution`. `modules` fills
+    `work`, so many pixels or a "scanline" at a time, by "static" or "dynamic" `distribution`; for the modules that
+    `microcode` names, files of macro assembler text stand in (docs/pu-compiler.md, "By hand"). `modules` fills
     sockets, by name, with modules of yours, given as they are or as "FILE.py:NAME". `with_files` are run first: they
     register solids, textures and accelerators of yours. The files that a scene's file names lie in its folder, or
     deeper, unless `allow_outside`. `accelerator` keeps the search for hits short; it does not change the
@@ -115,6 +117,7 @@ def render(
         clock=clock,
         distribution=distribution,
         work=work,
+        microcode={name: Path(file) for name, file in (microcode or {}).items()},
     )
     # A size that was given is checked before anything is loaded.
     options = options_for(size) if size else None

@@ -26,6 +26,7 @@ from tasuki.modules.scanline import records as scan
 from tasuki.modules.scanline.clipping import MOST_CORNERS
 from tasuki.programs import REPORT, link_program
 from tasuki.renderers.depth_buffer import depth_buffer
+from tasuki.renderers.microcode import stand_ins
 from tasuki.renderers.options import RenderOptions
 from tasuki.renderers.pu import MEGAHERTZ, Run, mean_busy, module_rows
 from tasuki.renderers.scanline import LANES, SERIAL, ScanlineRenderer
@@ -78,7 +79,7 @@ class Pass:
 class MicrocodeScanline(ScanlineRenderer):
     """A scene made ready for the scanline method on one processor unit.
 
-    Raises SceneError for more units than one, and SourceError where a module asks for what the unit cannot do.
+    Raises SceneError for more units than one, and else as `tasuki.renderers.pu.MicrocodeTracer`.
     """
 
     def __init__(self, scene: Scene, options: RenderOptions, modules: Mapping[str, Module] | None = None) -> None:
@@ -90,10 +91,12 @@ class MicrocodeScanline(ScanlineRenderer):
 
     def _compile(self, checked: bool) -> None:
         started = perf_counter()
-        schedule = self.options.schedule
+        schedule, entries = self.options.schedule, (*SERIAL, *LANES)
+        programs = [link_program(entry, self._fillers) for entry in entries]
+        self.written = stand_ins(self.options.microcode, programs)
         self.passes = {
-            entry: Pass(Executable(link_program(entry, self._fillers), schedule, checked=checked))
-            for entry in (*SERIAL, *LANES)
+            entry: Pass(Executable(program, schedule, checked=checked, written=written))
+            for entry, program, written in zip(entries, programs, self.written, strict=True)
         }
         REPORT.seconds += perf_counter() - started
 
@@ -139,6 +142,7 @@ class MicrocodeScanline(ScanlineRenderer):
             "fpp_busy": mean_busy(counters),
             "busy": {unit: counters.busy_share(unit) for unit in UNITS},
             "display": self._display(),
+            "microcode": {module: str(path) for files in self.written for module, path in files.items()},
             "passes": rows,
             "modules": module_rows(one.counted for one in self.passes.values()),
         }
