@@ -2,9 +2,9 @@
 
 from tasuki.language import dot, f32, i32, module, select, socket, vec3
 from tasuki.modules.crossing import NOWHERE
-from tasuki.modules.formula import LOCAL, formula_span, intersection_validity
+from tasuki.modules.formula import LOCAL, formula_span, intersection_validity, literal_span
 from tasuki.modules.frames import local_point, normal_from_local
-from tasuki.modules.records import INSIDE_ONLY, TWO_SIDED, Object, objects, tokens
+from tasuki.modules.records import INSIDE_ONLY, SHEET, TWO_SIDED, Object, objects, tokens
 from tasuki.modules.search import OBJECT, primitive_hit
 from tasuki.modules.slabs import slab_ray
 from tasuki.modules.surface import Facet, facet_of_primitive
@@ -46,11 +46,32 @@ def object_hit(index: i32, origin: vec3, direction: vec3, left: i32, far: f32) -
     return found
 
 
+@module
+def sheet_hit(index: i32, origin: vec3, direction: vec3, left: i32, far: f32) -> f32:
+    """As `object_hit`, of an object with the flag SHEET: where its first literal, a plane, is crossed within its edges.
+
+    A plane that is a face of other objects too is crossed at their t.
+    """
+    formula = objects[index]
+    plane = tokens[tokens[formula.first].ranked]
+    _before, _after, t = literal_span(plane, origin, direction, left, 0.0)
+    found = NOWHERE
+    if t <= far and t < NOWHERE:
+        inverse, shifted = slab_ray(origin, direction)
+        was, will, _row = intersection_validity(formula, origin, direction, inverse, shifted, left, t)
+        if was != will and shows(formula, will):
+            found = t
+    return found
+
+
 @module(fills="hit_of")
 def hit_of_anything(code: i32, origin: vec3, direction: vec3, left: i32, far: f32) -> f32:
     """For scenes with objects."""
     if code & 31 == OBJECT:
-        t = object_hit(code >> 5, origin, direction, left, far)
+        if objects[code >> 5].flags & SHEET != 0:
+            t = sheet_hit(code >> 5, origin, direction, left, far)
+        else:
+            t = object_hit(code >> 5, origin, direction, left, far)
     else:
         t = primitive_hit(code & 31, code >> 5, origin, direction, left == code)
     return t

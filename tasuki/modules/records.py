@@ -17,6 +17,8 @@ SPHERE = 4
 """Flag of a quadric: Q is the unit matrix and there is no linear term."""
 UNION = 8
 """Flag of an object, and of a token: its operation is a union."""
+SHEET = 16
+"""Flag of an object: a polygon, the part of its first literal's plane that lies within the others."""
 
 
 POINT = 0
@@ -113,7 +115,8 @@ class Quad:
 class Object:
     """Primitives combined by set operations: tokens `first` .. `end` - 1 are the formula, the box its bounds.
 
-    `attribute` is the medium inside. Flag UNION: the formula's outermost operation is a union, else an intersection.
+    `attribute` is the medium inside. Flag UNION: the formula's outermost operation is a union, else an intersection;
+    flag SHEET: only its first literal shows.
     """
 
     kind: i32

@@ -45,3 +45,13 @@ class Branch:
 
 
 Tree: TypeAlias = Leaf | Branch
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """What makes a formula a polygon: of the solid only its first literal, a plane, shows, within `box` (low and high
+    corner, in the scene's coordinates); from both sides if `two_sided`.
+    """
+
+    box: tuple[float, float, float, float, float, float]
+    two_sided: bool

@@ -15,7 +15,7 @@ import numpy as np
 from tasuki.diagnostics import Diagnostic, Span
 from tasuki.scene.collector import collector_paused
 from tasuki.scene.constructors import CONSTRUCTORS, Form
-from tasuki.scene.csg import Branch, Leaf, Tree
+from tasuki.scene.csg import Branch, Leaf, Sheet, Tree
 from tasuki.scene.material import Material, Vector
 from tasuki.scene.model import Scene
 from tasuki.scene.problem import Path
@@ -52,7 +52,7 @@ Sphered = tuple[Vector, float] | Literal["auto"] | None
 class FlatObject:
     """A solid as a formula of literals. `material` is the medium inside it, an index into the flat scene's materials.
 
-    `place` and `path` lead to its node.
+    `place` and `path` lead to its node. One with a `sheet` is a polygon, and holds nothing.
     """
 
     root: Tree
@@ -60,6 +60,7 @@ class FlatObject:
     extent: Sphered
     place: Span | None
     path: Path
+    sheet: Sheet | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

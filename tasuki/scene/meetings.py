@@ -36,12 +36,14 @@ def with_shared_spheres(flat: Flat, size: float) -> Flat:
         shared[near] |= (np.abs(features[near] - ball) <= TOLERANCE * size).all(axis=1)
     # Of a negative radius only the inside shows: a surface, no solid.
     shared &= spheres.radius > 0.0
-    return _with_objects(flat, shared) if shared.any() else flat
+    if not shared.any():
+        return flat
+    made = [_as_object(flat, position) for position in np.flatnonzero(shared).tolist()]
+    return with_objects(flat, SPHERE, shared, made)
 
 
 def _in_one_place(flat: Flat, features: np.ndarray) -> np.ndarray:
-    """Which spheres, of centre and radius `features` (n, 4), are the same as others, where any of them is transparent.
-    """
+    """Which spheres, of centre and radius `features` (n, 4), are the same as others, any of them transparent."""
     clear = np.array([material.transmission > 0.0 for material in flat.materials], bool)[flat.shapes.spheres.material]
     if not clear.any():
         return np.zeros(len(features), bool)
@@ -76,17 +78,18 @@ def _ball(leaf: Leaf) -> np.ndarray | None:
     return np.append(centre, np.sqrt(max(centre @ centre - values[3, 3], 0.0)))
 
 
-def _with_objects(flat: Flat, shared: np.ndarray) -> Flat:
-    """The scene with the spheres where the mask `shared` is true as objects."""
+def with_objects(flat: Flat, sort: int, taken: np.ndarray, made: Sequence[FlatObject]) -> Flat:
+    """The scene with the shapes of a sort, SPHERE or POLYGON, where the mask `taken` is true, as the objects `made`."""
     shapes = flat.shapes
-    numbers = np.flatnonzero(flat.sorts == SPHERE)[shared]
-    made = [_as_object(flat, position) for position in np.flatnonzero(shared).tolist()]
+    numbers = np.flatnonzero(flat.sorts == sort)[taken]
     order = np.argsort(np.concatenate([np.flatnonzero(flat.sorts == OBJECT), numbers]))
     every = [*flat.objects, *made]
     sorts = flat.sorts.copy()
     sorts[numbers] = OBJECT
-    spheres = shapes.spheres.take(np.flatnonzero(~shared))
-    left = Shapes(shapes.materials, sorts[sorts != OBJECT], spheres, shapes.cones, shapes.polygons, shapes.file)
+    kept = np.flatnonzero(~taken)
+    spheres = shapes.spheres.take(kept) if sort == SPHERE else shapes.spheres
+    polygons = shapes.polygons.take(kept) if sort == POLYGON else shapes.polygons
+    left = Shapes(shapes.materials, sorts[sorts != OBJECT], spheres, shapes.cones, polygons, shapes.file)
     return replace(flat, shapes=left, objects=[every[i] for i in order], sorts=sorts, positions=positions_of(sorts))
 
 
@@ -126,6 +129,8 @@ def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray, size: 
             continue
         material = flat.shapes.spheres.material[position] if sort == SPHERE else flat.objects[position].material
         if not clear[material] or (sort == SPHERE and flat.shapes.spheres.radius[position] < 0.0):
+            continue
+        if sort == OBJECT and flat.objects[position].sheet is not None:
             continue
         mixed = sort == OBJECT and _is_mixed(flat.objects[position].root)
         if mixed or neighbours.meets(place):

@@ -7,7 +7,7 @@ them; tokens are written.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 TWO_SIDED = 1
 UNION = 8
+SHEET = 16
 """Flags of an object, as `tasuki.modules.records` gives them."""
 FAR = 1.0e30
 """What stands for infinity in a box."""
@@ -93,6 +94,26 @@ class Objects:
         return len(self.numbers)
 
 
+@dataclass(frozen=True)
+class Faces:
+    """Planes of objects' literals: `planes` (n, 4), their normals outward; `boxes` (n, 6) around what each bounds, of
+    infinite sides where nothing does; and whether they show from both sides, `two_sided` (n,).
+    """
+
+    planes: np.ndarray
+    boxes: np.ndarray
+    two_sided: np.ndarray
+
+    def take(self, rows: np.ndarray) -> Faces:
+        """Those of the `rows`, (k,), in that order."""
+        return Faces(self.planes[rows], self.boxes[rows], self.two_sided[rows])
+
+    def joined(self, others: Faces) -> Faces:
+        """These, and behind them the `others`."""
+        names = [one.name for one in fields(self)]
+        return Faces(**{name: np.concatenate([getattr(self, name), getattr(others, name)]) for name in names})
+
+
 class Formulas:
     """The formulas of `objects`, with boxes, in the scene's coordinates.
 
@@ -107,9 +128,18 @@ class Formulas:
         transparent = np.array([materials[one.material].transmission > 0.0 for one in objects], bool)
         order = np.argsort(transparent, kind="stable").tolist()
         roots = [normalised(objects[number].root) for number in order]
-        leaves = [part.leaf for root in roots for part in literals(root) if part.leaf]
+        leaves: list[Leaf] = []
+        # How many leaves the formulas have, up to and with each.
+        self._leaves_until: list[int] = []
+        for root in roots:
+            leaves += [part.leaf for part in literals(root) if part.leaf]
+            self._leaves_until.append(len(leaves))
+        self._order = np.array(order, np.intp)
         self.placing = _Placing(leaves, matrices)
         whole = [with_boxes(root, self.placing.boxes) for root in roots]
+        sheets = [row for row, number in enumerate(order) if objects[number].sheet is not None]
+        for row in sheets:
+            whole[row].box = objects[order[row]].sheet.box  # type: ignore[union-attr]
         self.placing.surround([pair for root in whole for pair in around_literals(root)])
         kept = [row for row, root in enumerate(whole) if EMPTY not in (root.box, root.gap)]
         self.roots = [whole[row] for row in kept]
@@ -120,6 +150,13 @@ class Formulas:
             if isinstance(objects[number].extent, tuple):
                 centre, radius = np.array(objects[number].extent[0]), objects[number].extent[1]
                 box[:3], box[3:] = np.maximum(box[:3], centre - radius), np.minimum(box[3:], centre + radius)
+
+    def faces(self) -> Faces:
+        """The planes of all literals."""
+        rows, planes, boxes = self.placing.planes()
+        owners = self._order[np.searchsorted(self._leaves_until, rows, side="right")]
+        sides = np.array([self.materials[one.material].shows_both_sides() for one in self.objects], bool)
+        return Faces(planes, boxes, sides[owners])
 
     def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> Objects:
         """The tables, for coordinates that count from `origin`, of a scene of `size`, the camera's place included.
@@ -146,6 +183,9 @@ class Formulas:
         unions = np.array([root.is_union for root in self.roots], bool)
         records["kind"], records["attribute"], records["matrix"] = OBJECT, media, -1
         records["flags"] = np.where(sides, TWO_SIDED, 0) + np.where(unions, UNION, 0)
+        for row, number in enumerate(self.numbers.tolist()):
+            if sheet := self.objects[number].sheet:
+                records["flags"][row] = SHEET + TWO_SIDED * sheet.two_sided
         records["first"], records["end"] = np.array(spans, np.int32).reshape(-1, 2).T
         records["low"], records["high"] = np.clip(boxes[:, :3], -FAR, FAR), np.clip(boxes[:, 3:], -FAR, FAR)
         return records
@@ -156,6 +196,7 @@ class _Placing:
 
     def __init__(self, leaves: Sequence[Leaf], matrices: Matrices) -> None:
         self.row = {id(leaf): row for row, leaf in enumerate(leaves)}
+        self.inverted = np.array([leaf.inverted for leaf in leaves], bool)
         self.matrix = np.array([matrices.number(leaf.matrix) for leaf in leaves], np.int64)
         self.codes = np.zeros(len(leaves), np.int64)
         self.turned = np.zeros(len(leaves), bool)
@@ -196,6 +237,16 @@ class _Placing:
 
         return surface
 
+    def planes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the leaves that are planes: their rows (n,), the planes (n, 4) with what is OUT before them, and the boxes
+        (n, 6) around what they bound.
+        """
+        if PLANE not in self.placed:
+            return np.zeros(0, np.intp), np.zeros((0, 4)), np.zeros((0, 6))
+        rows = self.rows[PLANE]
+        planes = np.where(self.inverted[rows, None], -1.0, 1.0) * self.placed[PLANE].values
+        return rows, planes, self._around[rows]
+
     def surround(self, around: Sequence[tuple[Leaf, Box]]) -> None:
         """Take the boxes around what the leaves bound, as `formula.around_literals` has them."""
         for leaf, box in around:
@@ -229,7 +280,7 @@ class _Placing:
         find = plane_boxes if kind.name == PLANE else quadric_boxes
         placed, local = self.placed[kind.name].values, np.array([leaf.values for leaf in leaves], np.float64)
         four = np.stack([find(values) for values in (placed, -placed, local, -local)], axis=1)
-        inverted = np.array([leaf.inverted for leaf in leaves], bool)
+        inverted = self.inverted[self.rows[kind.name]]
         four[inverted] = four[inverted][:, [1, 0, 3, 2]]
         self._boxes[self.rows[kind.name]] = four
 

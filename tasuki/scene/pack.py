@@ -24,6 +24,7 @@ from tasuki.scene.memory import Memory, MemoryBuilder
 from tasuki.scene.model import DirectionalLight, Light, Scene, default_intensity
 from tasuki.scene.objects import Formulas, Matrices, Objects
 from tasuki.scene.problem import dotted
+from tasuki.scene.sheets import with_sheets
 from tasuki.scene.source import scene_error
 from tasuki.scene.textures import TextureKind, lower_textures
 from tasuki.scene.transforms import unit
@@ -94,7 +95,7 @@ def _pack(scene: Scene) -> Packed:
     matrices = Matrices(flat.frames)
     formulas = Formulas(flat.objects, flat.materials, matrices)
     middle, size = _middle_and_size(flat, formulas.boxes, scene.camera.eye)
-    shared = with_shared_spheres(flat, size)
+    shared = with_shared_spheres(with_sheets(flat, formulas, size), size)
     if shared is not flat:
         flat, formulas = shared, Formulas(shared.objects, flat.materials, matrices)
     origin = local_origin(middle, size)
