@@ -19,8 +19,9 @@ def info(scene: Scene) -> dict[str, Any]:
     "shapes" counts what stands in the scene without its tree (a polygon is one, and so is an object: a formula of set
     operations, or a polygon in a face of one), "primitives" what machines intersect (its triangles), by kind.
     "formulas" says of how many literals the objects are made, on how many different surfaces, and how many surfaces
-    were merged since they coincide. "bounds" are the corners of the box around all that has bounds, None where there is nothing. Each material has the number of
-    its "shapes", each light the colour that it shines with. SceneError where the scene cannot be packed.
+    were merged since they coincide. "bounds" are the corners of the box around all that has bounds, None where there is
+    nothing. Each material has the number of its "shapes", each light the colour that it shines with. SceneError where
+    the scene cannot be packed.
     """
     prepared = PreparedScene(scene)
     packed = prepared.packed
