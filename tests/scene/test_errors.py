@@ -4,7 +4,7 @@ import contextlib
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tasuki.diagnostics import SceneError
@@ -66,6 +66,7 @@ SHAPES += ["parts", "a", "formula", "polish", "a - a", "transform", "scale", "2"
 
 
 @given(st.lists(st.sampled_from(MARKS), max_size=40))
+@example(["?", ": "])
 def test_no_yaml_raises_anything_else(pieces):
     with contextlib.suppress(SceneError):
         read_yaml(SourceText.from_bytes("random.yaml", "".join(pieces).encode()))

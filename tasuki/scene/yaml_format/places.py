@@ -114,7 +114,9 @@ class Places:
             name: f"{value:g}" if isinstance(value, float) else value for name, value in error.get("ctx", {}).items()
         }
         if kind == "extra_forbidden":
-            return self._unknown_key(path, known_keys(model, location[:-1]))
+            # Whatever it is, the last step is the key.
+            path = path[: len(path) - (not str(location[-1]).startswith(TAG))]
+            return self._unknown_key((*path, location[-1]), known_keys(model, location[:-1]))
         if path[-1:] == ("[key]",):
             key = self.follow(path[:-2])[0].value[path[-2]][0]
             span = key.span(self.source.file)
