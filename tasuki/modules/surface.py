@@ -4,8 +4,10 @@ from tasuki.language import abs, dot, f32, i32, max, module, record, socket, vec
 from tasuki.modules.frames import local_point
 from tasuki.modules.records import Attribute, attributes, views
 
-ROUNDING = 4.76837158e-7
-"""2**-21: relative error, with room to spare, of a hit point and of the way to it."""
+LIFT = 1.9073486e-6
+"""2**-19: four times the relative error of a hit point and of the way to it. So far from a flat face a ray begins
+outside the face's box, which is widened by the slab test's error, and need not search the face and its neighbours.
+"""
 
 
 @record
@@ -90,9 +92,9 @@ def surface_at(origin: vec3, direction: vec3, t: f32, hit: i32, left: i32) -> Su
 
 @module
 def lift(surface: Surface, t: f32) -> vec3:
-    """From the hit point to where rays leave the surface: along its normal, by the error bound of the point."""
+    """From the hit point to where rays leave the surface: along its normal, beyond the error bound of the point."""
     size = max(max(abs(surface.point.x), abs(surface.point.y)), max(abs(surface.point.z), t))
-    return (size * ROUNDING) * surface.geometry
+    return (size * LIFT) * surface.geometry
 
 
 @module

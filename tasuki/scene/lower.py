@@ -12,8 +12,9 @@ import numpy as np
 
 from tasuki.scene.flatten import Flat
 from tasuki.scene.kinds import UNIT_MATRIX, PrimitiveKind, lookup
+from tasuki.scene.quads import flat_convex_quads
 from tasuki.scene.shapes import CONE, POLYGON, SPHERE, Batch, Polygons
-from tasuki.scene.triangulate import flat_convex_quads, triangulate
+from tasuki.scene.triangulate import triangulate
 
 TWO_SIDED = 1
 INSIDE_ONLY = 2
@@ -67,15 +68,15 @@ def _cones(flat: Flat, origin: np.ndarray) -> Primitives:
 
 
 def _polygons(flat: Flat, origin: np.ndarray) -> list[Primitives]:
-    """Flat convex polygons of four corners as quads, all others as triangles."""
+    """What of the polygons can be taken as flat convex quadrilaterals as quads, the rest as triangles."""
     polygons = flat.shapes.polygons
-    whole = np.flatnonzero(flat_convex_quads(polygons))
-    quad_corners = polygons.starts[whole, None] + np.arange(4)
     corners, owner = triangulate(polygons)
-    left = ~np.isin(owner, whole)
+    quads, first = flat_convex_quads(polygons, corners, owner, _float32(polygons.points - origin))
+    alone = np.ones(len(owner), bool)
+    alone[first] = alone[first + 1] = False
     return [
-        _flat_primitives("triangle", flat, origin, corners[left], owner[left]),
-        _flat_primitives("quad", flat, origin, quad_corners, whole),
+        _flat_primitives("triangle", flat, origin, corners[alone], owner[alone]),
+        _flat_primitives("quad", flat, origin, quads, owner[first]),
     ]
 
 

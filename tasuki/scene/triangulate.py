@@ -15,13 +15,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from tasuki.scene.quads import with_pairs_together
 from tasuki.scene.shapes import Polygons
 
 BACKWARD = -1e-12
 """How far a fan's triangle may turn the wrong way, in units of the polygon's area: rounding of a straight angle."""
-
-PLANAR = 1e-6
-"""How far the corners of a flat quadrilateral may lie from a plane, in units of its size: rounded coordinates."""
 
 LARGE = 7
 """Corners from which on a convex polygon is halved instead of fanned."""
@@ -36,7 +34,8 @@ FLAT = 1e-12
 def triangulate(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
     """`corners` (t, 3), indices into `polygons.points`, and `owner` (t,), the polygon of each triangle.
 
-    Triangles turn as their polygon does; they stand in the order of the polygons.
+    Triangles turn as their polygon does; they stand in the order of the polygons, neighbours that make a convex
+    quadrilateral one after the other (see `tasuki.scene.quads`).
     """
     apex = np.zeros(len(polygons), np.intp)
     corners, owner, shares = _fans(polygons, apex)
@@ -55,22 +54,6 @@ def triangulate(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
     owner = np.concatenate([owner, np.repeat(np.flatnonzero(bad), [len(one) for one in clipped])])
     order = np.argsort(owner, kind="stable")
     return np.concatenate([corners, *clipped])[order], owner[order]
-
-
-def flat_convex_quads(polygons: Polygons) -> np.ndarray:
-    """Which polygons have four corners, all of them convex, and all but in one plane; (n,) bool."""
-    found = polygons.sizes == 4
-    chosen = np.flatnonzero(found)
-    around = polygons.starts[chosen, None] + np.arange(4)
-    for first in range(4):
-        corners = around[:, [first, (first + 1) % 4, (first + 2) % 4]]
-        found[chosen] &= _shares(polygons, corners, chosen) > FLAT
-    a, b, c, d = (polygons.points[around[:, corner]] for corner in range(4))
-    normal = np.cross(c - a, d - b)
-    height = np.abs(np.einsum("ij,ij->i", normal, b - a))
-    size = np.linalg.norm(c - a, axis=1) + np.linalg.norm(d - b, axis=1)
-    found[chosen] &= height <= PLANAR * size * np.linalg.norm(normal, axis=1)
-    return found
 
 
 def _fans(polygons: Polygons, apex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -99,19 +82,19 @@ def _halved(
         convex = _shares(polygons, turns.reshape(-1, 3), np.repeat(alike, size)).reshape(-1, size).min(axis=1) > 0.0
         if convex.any():
             mine = np.isin(owner, alike[convex])
-            corners[mine] = (polygons.starts[alike[convex], None, None] + np.array(_halving(int(size)))).reshape(-1, 3)
+            corners[mine] = (polygons.starts[alike[convex], None, None] + _halving(int(size))).reshape(-1, 3)
             shares[mine] = _shares(polygons, corners[mine], owner[mine])
     return corners, shares
 
 
-def _halving(size: int) -> list[tuple[int, int, int]]:
+def _halving(size: int) -> np.ndarray:
     """Triangles that take every second corner of a convex polygon away, until three are left."""
     triangles: list[tuple[int, int, int]] = []
     left = list(range(size))
     while len(left) > 3:
         triangles += zip(left[:-2:2], left[1:-1:2], left[2::2], strict=True)
         left = left[::2] if len(left) % 2 else [*left[::2], left[-1]]
-    return [*triangles, (left[0], left[1], left[2])]
+    return with_pairs_together([*triangles, (left[0], left[1], left[2])])
 
 
 def _shares(polygons: Polygons, corners: np.ndarray, owner: np.ndarray) -> np.ndarray:
@@ -182,7 +165,7 @@ def with_short_diagonals(points: np.ndarray, triangles: np.ndarray) -> np.ndarra
                 t = corners[number]
                 edges.update({(t[i], t[i - 2]): number for i in range(3)})
             waiting += [(a, d), (d, b), (b, c), (c, a)]
-    return np.array(corners, np.intp)
+    return with_pairs_together(corners, lambda around: _convex(places, *around))
 
 
 def _convex(places: list[complex], *around: int) -> bool:

@@ -235,11 +235,11 @@ def test_groups_without_bounds_have_no_node():
     assert nodes["skip"].tolist() == [1, 2, 5, 4, 5]
 
 
-def test_a_polygon_of_several_triangles_is_a_group_of_them():
+def test_a_polygon_of_several_primitives_is_a_group_of_them():
     around_it = [(math.cos(angle), math.sin(angle), 0.0) for angle in np.linspace(0, 2 * math.pi, 9)[:-1]]
     nodes = extents.nodes(packed(BALL, Group([Polygon(around_it)])))
-    triangles = len(nodes) - 3
-    assert triangles == 6
+    primitives = len(nodes) - 3
+    assert primitives == 4
     assert nodes["code"].tolist()[1:3] == [extents.GROUP] * 2
     assert nodes["skip"].tolist()[:3] == [1, len(nodes), len(nodes)]
     assert nodes["radius"][1:3] == pytest.approx([1.0, 1.0], rel=0.2)

@@ -16,6 +16,7 @@ from tasuki.scene.flatten import flatten
 from tasuki.scene.kinds import OBJECT, lookup
 from tasuki.scene.memory import MOST_ROWS, MemoryBuilder
 from tasuki.scene.pack import pack, verify
+from tasuki.scene.quads import with_pairs_together
 from tasuki.scene.solids import Box
 from tests.scene.strategies import polygons
 
@@ -123,10 +124,18 @@ def test_which_sides_show():
 # Triangles
 
 
+def corners_of(memory, kind, names):
+    if f"{kind}s" not in memory.tables:
+        return np.zeros((0, len(names), 3))
+    table = memory.table(f"{kind}s")
+    return np.stack([table[name] for name in names], axis=1).astype(np.float64)
+
+
 def triangles_of(*shapes):
+    """What the polygons became: triangles, and of every quadrilateral the two on either side of a c."""
     memory = packed(*shapes).build()
-    table = memory.table("triangles")
-    return np.stack([table[name] for name in "abc"], axis=1).astype(np.float64)
+    quads = corners_of(memory, "quad", "abcd")
+    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]], corners_of(memory, "triangle", "abc")])
 
 
 def areas(triangles):
@@ -138,6 +147,53 @@ def test_a_convex_polygon_is_a_fan_from_its_first_corner():
     found = triangles_of(house)
     assert found[:, 0].tolist() == [[0.0, 0.0, 0.0]] * 3
     assert areas(found)[:, 2].tolist() == [0.5, 0.5, 0.25]
+
+
+def test_neighbours_in_a_polygon_become_quadrilaterals():
+    corners = [(math.cos(angle), math.sin(angle), 0.0) for angle in np.arange(144) * math.tau / 144]
+    found = packed(Polygon(tuple(corners)))
+    assert found.counts["quad"] * 2 + found.counts["triangle"] == 142
+    assert found.counts["quad"] > 40
+    star = [(x * (1.0 - 0.5 * (n % 2)), y * (1.0 - 0.5 * (n % 2)), 0.0) for n, (x, y, _) in enumerate(corners)]
+    found = packed(Polygon(tuple(star)))
+    assert found.counts["quad"] * 2 + found.counts["triangle"] == 142
+    assert found.counts["quad"] > 20
+
+
+@pytest.mark.parametrize("bent", [1e-7, -1e-7])
+def test_a_corner_that_is_almost_straight_makes_no_quadrilateral(bent):
+    assert packed(Polygon(((0.0, 0.0, 0.0), (1.0, -bent, 0.0), (2.0, 0.0, 0.0), (1.0, 2.0, 0.0)))).counts == {
+        "triangle": 2
+    }
+
+
+def most_pairs(triangles):
+    """How many pairs of neighbours can be made, each triangle in one at most, by dynamic programming over their tree."""
+    near = {n: [m for m, u in enumerate(triangles) if len(set(t) & set(u)) == 2] for n, t in enumerate(triangles)}
+
+    def best(n, parent):
+        """The most pairs below n, and the most that leave n itself alone."""
+        found = [best(m, n) for m in near[n] if m != parent]
+        alone = sum(most for most, _ in found)
+        return max([alone] + [alone - most + free + 1 for most, free in found]), alone
+
+    return best(0, None)[0]
+
+
+@given(st.integers(3, 40), st.data())
+def test_pairs_are_neighbours_and_as_many_as_there_can_be(corners, data):
+    # Any triangulation of a polygon: ears taken away at random.
+    left, triangles = list(range(corners)), []
+    while len(left) > 2:
+        at = data.draw(st.integers(0, len(left) - 1))
+        triangles.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
+        del left[at]
+    ordered = with_pairs_together(triangles)
+    assert sorted(map(sorted, ordered.tolist())) == sorted(map(sorted, triangles))
+    pairs = 0
+    while 2 * pairs + 1 < len(ordered) and len(set(ordered[2 * pairs]) & set(ordered[2 * pairs + 1])) == 2:
+        pairs += 1
+    assert pairs >= most_pairs(triangles)
 
 
 def test_a_flat_convex_quadrilateral_stays_whole():
