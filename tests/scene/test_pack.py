@@ -168,7 +168,7 @@ def test_a_corner_that_is_almost_straight_makes_no_quadrilateral(bent):
 
 
 def most_pairs(triangles):
-    """How many pairs of neighbours can be made, each triangle in one at most, by dynamic programming over their tree."""
+    """How many pairs of neighbours there can be, each triangle in one at most: dynamic programming on their tree."""
     near = {n: [m for m, u in enumerate(triangles) if len(set(t) & set(u)) == 2] for n, t in enumerate(triangles)}
 
     def best(n, parent):
