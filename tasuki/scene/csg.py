@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from tasuki.diagnostics import Span
+if TYPE_CHECKING:
+    from tasuki.diagnostics import Span
+    from tasuki.scene.tree import Node
 
 PLANE, QUADRIC = "plane", "quadric"
 """The kinds of surfaces whose literals any matrix moves into the scene's coordinates; those of others keep theirs."""
@@ -24,15 +26,21 @@ class Leaf:
 
     `values` of a plane are (n, d), shape (4,), IN where n . P + d < 0; of a quadric the symmetric (4, 4) matrix S, IN
     where (P, 1)^T S (P, 1) < 0; of any other kind the fields of its record by name. All float64, in local coordinates,
-    which `matrix` (4, 4) places in those of the scene. `material` is an index into the flat scene's materials.
+    which `matrix` (4, 4) places in those of the scene. `material` is an index into the flat scene's materials. The
+    literals of one solid have the node `solid` in common, and the matrix.
     """
 
     kind: str
     values: np.ndarray | Mapping[str, Any]
     matrix: np.ndarray
     material: int
-    place: Span | None = None
+    solid: Node | None = None
     inverted: bool = False
+
+    @property
+    def place(self) -> Span | None:
+        """Where the solid stands in its file."""
+        return self.solid.place if self.solid is not None else None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

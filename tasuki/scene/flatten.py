@@ -303,7 +303,7 @@ def _trees(uses: Sequence[Use], frames: np.ndarray) -> list[Tree]:
 def _registered(uses: Sequence[Use], matrices: Sequence[np.ndarray]) -> Iterator[Tree]:
     """Solids of registered kinds: each is one literal."""
     for solid, frame, material, inverted in uses:
-        yield Leaf(solid.kind, solid.fields, matrices[frame], material, solid.place, inverted)  # type: ignore[attr-defined]
+        yield Leaf(solid.kind, solid.fields, matrices[frame], material, solid, inverted)  # type: ignore[attr-defined]
 
 
 def _constructed(uses: Sequence[Use], solid_class: type[Node], matrices: Sequence[np.ndarray]) -> Iterator[Tree]:
@@ -321,12 +321,12 @@ def _constructed(uses: Sequence[Use], solid_class: type[Node], matrices: Sequenc
     rows = [(one.kind, list(one.values), one.inverted) for one in literals]
     form = constructor.form
     for solid, frame, material, inverted in uses:
-        position, matrix, place = positions[id(solid)], matrices[frame], solid.place
+        position, matrix = positions[id(solid)], matrices[frame]
         if len(rows) == 1:
             ((kind, values, _),) = rows
-            yield Leaf(kind, values[position], matrix, material, place, inverted)
+            yield Leaf(kind, values[position], matrix, material, solid, inverted)
             continue
-        leaves = [Leaf(kind, values[position], matrix, material, place, outside) for kind, values, outside in rows]
+        leaves = [Leaf(kind, values[position], matrix, material, solid, outside) for kind, values, outside in rows]
         yield _branch(form, leaves, inverted)
 
 

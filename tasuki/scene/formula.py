@@ -83,7 +83,7 @@ def normalised(tree: Tree) -> Part:
 def _turned(leaf: Leaf, inverted: bool) -> Leaf:
     if leaf.inverted == inverted:
         return leaf
-    return Leaf(leaf.kind, leaf.values, leaf.matrix, leaf.material, leaf.place, inverted)
+    return Leaf(leaf.kind, leaf.values, leaf.matrix, leaf.material, leaf.solid, inverted)
 
 
 def literals(root: Part) -> list[Part]:

@@ -102,10 +102,10 @@ def _as_object(flat: Flat, position: int) -> FlatObject:
     from_scene[:3, 3] = -centre
     unit = np.diag([1.0, 1.0, 1.0, -(spheres.radius[position] ** 2)])
     to_middle = from_scene @ matrix
-    material, place = int(spheres.material[position]), flat.shapes.place(SPHERE, position)
+    material, node = int(spheres.material[position]), flat.shapes.node(SPHERE, position)
     number = int(np.flatnonzero(flat.sorts == SPHERE)[position])
-    root = Leaf(QUADRIC, to_middle.T @ unit @ to_middle, matrix, material, place)
-    return FlatObject(root, material, None, place, ("shapes", number))
+    root = Leaf(QUADRIC, to_middle.T @ unit @ to_middle, matrix, material, node)
+    return FlatObject(root, material, None, node.place, ("shapes", number))
 
 
 def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray, size: float) -> np.ndarray:

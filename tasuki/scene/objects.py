@@ -77,7 +77,8 @@ class Matrices:
 class Objects:
     """The tables of a scene's objects, by name: "objects", "tokens", "bounds", and the records of every kind of solid
     in `operands`. `numbers[i]` is the number of the object in row i, and `boxes` (n, 6) and `costs` (n,) are those of
-    the rows. Of the surfaces of all `literals`, `merged` are one with another.
+    the rows. Of the surfaces of all `literals`, `merged` are one with another. `thin`: the numbers of objects with
+    solids so thin for their size that from afar float32 cannot tell their faces apart.
     """
 
     tables: Mapping[str, np.ndarray]
@@ -87,6 +88,7 @@ class Objects:
     costs: np.ndarray
     literals: int
     merged: int
+    thin: np.ndarray
 
     @property
     def count(self) -> int:
@@ -154,9 +156,12 @@ class Formulas:
     def faces(self) -> Faces:
         """The planes of all literals."""
         rows, planes, boxes = self.placing.planes()
-        owners = self._order[np.searchsorted(self._leaves_until, rows, side="right")]
         sides = np.array([self.materials[one.material].shows_both_sides() for one in self.objects], bool)
-        return Faces(planes, boxes, sides[owners])
+        return Faces(planes, boxes, sides[self._owners(rows)])
+
+    def _owners(self, leaves: np.ndarray) -> np.ndarray:
+        """The numbers of the objects to which leaves belong, given their rows."""
+        return self._order[np.searchsorted(self._leaves_until, leaves, side="right")]
 
     def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> Objects:
         """The tables, for coordinates that count from `origin`, of a scene of `size`, the camera's place included.
@@ -174,7 +179,9 @@ class Formulas:
             **surfaces_,
         }
         costs = COST * np.minimum([len(literals(root)) for root in self.roots], DEAREST).astype(np.float32)
-        return Objects(tables, tuple(self.placing.kinds), self.numbers, boxes, costs, len(self.placing.row), merged)
+        thin = np.unique(self._owners(np.flatnonzero(self.placing.thin)))
+        kinds, count = tuple(self.placing.kinds), len(self.placing.row)
+        return Objects(tables, kinds, self.numbers, boxes, costs, count, merged, thin)
 
     def _records(self, spans: Sequence[tuple[int, int]], boxes: np.ndarray) -> np.ndarray:
         records = np.zeros(len(spans), record_dtype("Object"))
@@ -196,8 +203,13 @@ class _Placing:
 
     def __init__(self, leaves: Sequence[Leaf], matrices: Matrices) -> None:
         self.row = {id(leaf): row for row, leaf in enumerate(leaves)}
-        self.inverted = np.array([leaf.inverted for leaf in leaves], bool)
         self.matrix = np.array([matrices.number(leaf.matrix) for leaf in leaves], np.int64)
+        self.inverted = np.array([leaf.inverted for leaf in leaves], bool)
+        # The leaves of one solid stand together.
+        nodes = np.array([id(leaf.solid) for leaf in leaves], np.int64)
+        alone = (nodes == id(None)) | (np.diff(nodes, prepend=0) != 0) | (np.diff(self.matrix, prepend=-1) != 0)
+        self.solids = np.cumsum(alone)
+        self.thin = np.zeros(len(leaves), bool)
         self.codes = np.zeros(len(leaves), np.int64)
         self.turned = np.zeros(len(leaves), bool)
         self.rows = surfaces.kinds_of(leaves)
@@ -265,6 +277,7 @@ class _Placing:
             merged += len(rows) - len(classes.first)
             self.codes[rows] = (first + classes.number) * 32 + kind.number
             self.turned[rows] = classes.turned
+            self.thin[rows] = classes.thin
             records = np.zeros(len(classes.first), kind.record.numpy_dtype())
             records["kind"], records["attribute"], records["matrix"] = kind.number, 0, -1
             tables[kind.table_name] = self.placed[kind.name].records(records, classes.first, origin)
@@ -272,9 +285,8 @@ class _Placing:
 
     def _classes(self, name: str, size: float) -> surfaces.Merged:
         merge = surfaces.merged_planes if name == PLANE else surfaces.merged_quadrics
-        around = self._around[self.rows[name]]
-        # In a large scene small things keep their own measure; what has no bounds has the scene's.
-        return merge(self.placed[name].values, np.minimum((around[:, 3:] - around[:, :3]).max(axis=1), size))
+        rows = self.rows[name]
+        return merge(self.placed[name].values, measures(self._around[rows], size, self.solids[rows]))
 
     def _find_boxes(self, kind: PrimitiveKind, leaves: Sequence[Leaf]) -> None:
         find = plane_boxes if kind.name == PLANE else quadric_boxes
@@ -298,6 +310,15 @@ class _Placing:
             four = (EVERYTHING, box, EVERYTHING, local) if leaf.inverted else (box, EVERYTHING, local, EVERYTHING)
             self._boxes[row] = four
         self.kept[kind.name] = records
+
+
+def measures(boxes: np.ndarray, size: float, solids: np.ndarray) -> surfaces.Measures:
+    """Of surfaces that bound what is within `boxes` (n, 6), in a scene of `size`, faces of the `solids` (n,).
+
+    In a large scene small things keep their own measure; what has no bounds has the scene's.
+    """
+    reach = np.abs(np.where(np.isfinite(boxes), boxes, size)).max(axis=1, initial=0.0)
+    return surfaces.Measures(np.minimum((boxes[:, 3:] - boxes[:, :3]).max(axis=1, initial=0.0), size), reach, solids)
 
 
 def local_box(kind: PrimitiveKind, record: np.void) -> Box:

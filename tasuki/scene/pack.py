@@ -36,6 +36,12 @@ FAR_AWAY = 16.0
 """How many times its size a scene may be away from the origin before its coordinates count from its middle."""
 MOST_PRIMITIVES = 2**31 // MOST_KINDS
 """An index times 32, plus a kind, must fit an i32."""
+VAIN = "this object is empty, or fills all space: it has no surface to show"
+THIN = (
+    "a solid of this object is thinner than a millionth of its size: "
+    "from afar float32 cannot tell its faces apart, and it may not show"
+)
+"""Warnings."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +117,8 @@ def _pack(scene: Scene) -> Packed:
     attributes = _attributes(flat.materials, textures.codes, len(scene.lights))
     builder.add("attributes", _verified("material", attributes))
     builder.add("lights", _verified("light", _lights(scene.lights, origin)))
-    scene = Scene(scene.camera, scene.shapes, scene.lights, scene.background, [*scene.warnings, *_vain(flat, formulas)])
+    warnings = [*scene.warnings, *_warnings(flat, formulas, objects)]
+    scene = Scene(scene.camera, scene.shapes, scene.lights, scene.background, warnings)
     packed = Packed(scene, flat, origin, primitives, formulas, objects, textures.kinds, builder)
     unbounded = list(extents.unbounded(packed))
     if unbounded:
@@ -119,12 +126,12 @@ def _pack(scene: Scene) -> Packed:
     return packed
 
 
-def _vain(flat: Flat, formulas: Formulas) -> Iterator[str]:
-    """A warning for each object without a surface."""
-    for number in formulas.left_out:
-        one = flat.objects[number]
-        where = one.place or dotted(one.path)
-        yield f"{where}: warning: this object is empty, or fills all space: it has no surface to show"
+def _warnings(flat: Flat, formulas: Formulas, objects: Objects) -> Iterator[str]:
+    """A warning for each object without a surface, or of which little can be seen."""
+    for numbers, text in ((formulas.left_out, VAIN), (objects.thin.tolist(), THIN)):
+        for number in numbers:
+            one = flat.objects[number]
+            yield f"{one.place or dotted(one.path)}: warning: {text}"
 
 
 def _records(flat: Flat, primitives: Sequence[Primitives], objects: Objects) -> dict[str, np.ndarray]:

@@ -212,8 +212,7 @@ class Shapes(Many, Sequence[Shape]):
     def __getitem__(self, index: int | slice) -> Shape | list[Shape]:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        make = (self._sphere, self._cone, self._polygon, self.nodes.__getitem__)[self.sorts[index]]
-        return make(int(self.positions[index]))
+        return self.node(int(self.sorts[index]), int(self.positions[index]))
 
     def __iter__(self) -> Iterator[Shape]:
         return (self[i] for i in range(len(self)))
@@ -228,6 +227,10 @@ class Shapes(Many, Sequence[Shape]):
     def __repr__(self) -> str:
         batches = f"{len(self.spheres)} spheres, {len(self.cones)} open cones, {len(self.polygons)} polygons"
         return f"<{batches}, {len(self.nodes)} other nodes>"
+
+    def node(self, sort: int, position: int) -> Node:
+        """The entry at `position` of a batch, or of `nodes`."""
+        return (self._sphere, self._cone, self._polygon, self.nodes.__getitem__)[sort](position)
 
     def batch(self, sort: int) -> Batch:
         """The batch of sort `SPHERE`, `CONE` or `POLYGON`."""

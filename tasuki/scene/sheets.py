@@ -11,7 +11,7 @@ import numpy as np
 from tasuki.scene.csg import PLANE, Branch, Leaf, Sheet
 from tasuki.scene.flatten import Flat, FlatObject
 from tasuki.scene.meetings import TOUCHING, with_objects
-from tasuki.scene.objects import SLACK, Faces, Formulas
+from tasuki.scene.objects import SLACK, Faces, Formulas, measures
 from tasuki.scene.shapes import NO_FRAME, POLYGON, Polygons
 from tasuki.scene.surfaces import TOLERANCE, merged_planes
 from tasuki.scene.transforms import IDENTITY, unit
@@ -54,8 +54,7 @@ def _on_faces(polygons: Faces, faces: Faces, size: float) -> np.ndarray:
     """Which of `polygons` lie in one of `faces`, touch what it bounds, and show on a side from which it shows."""
     mine, others = _near(polygons.planes[:, 3], faces.planes[:, 3], TOLERANCE * size)
     both = polygons.take(mine).joined(faces.take(others))
-    sizes = (both.boxes[:, 3:] - both.boxes[:, :3]).max(axis=1, initial=0.0)
-    merged = merged_planes(both.planes, np.minimum(sizes, size))
+    merged = merged_planes(both.planes, measures(both.boxes, size, np.arange(len(both.planes))))
     found = np.zeros(len(polygons.planes), bool)
     order = np.argsort(merged.number, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(merged.number[order])) + 1):
@@ -109,10 +108,10 @@ def _as_object(flat: Flat, number: int, two_sided: bool, slack: float) -> FlatOb
     polygon = flat.shapes.polygons.take(np.array([position]))
     points, normal, frame = polygon.points, unit(polygon.area_vectors[0]), int(polygon.frame[0])
     matrix = IDENTITY.matrix if frame == NO_FRAME else flat.frames[frame]
-    material, place = int(polygon.material[0]), flat.shapes.place(POLYGON, position)
+    material, node = int(polygon.material[0]), flat.shapes.node(POLYGON, position)
 
     def leaf(normal: np.ndarray, point: np.ndarray) -> Leaf:
-        return Leaf(PLANE, np.append(normal, -(normal @ point)) @ matrix, matrix, material, place)
+        return Leaf(PLANE, np.append(normal, -(normal @ point)) @ matrix, matrix, material, node)
 
     def within(corners: np.ndarray) -> Branch:
         return Branch("intersection", [leaf(across, point) for across, point in _edges(corners, normal)])
@@ -124,7 +123,7 @@ def _as_object(flat: Flat, number: int, two_sided: bool, slack: float) -> FlatOb
     low, high = points.min(axis=0) - slack, points.max(axis=0) + slack
     extent = tuple(((low + high) / 2.0).tolist()), float(np.linalg.norm(high - low)) / 2.0
     sheet = Sheet((*low.tolist(), *high.tolist()), two_sided)
-    return FlatObject(root, material, extent, place, ("shapes", number), sheet)
+    return FlatObject(root, material, extent, node.place, ("shapes", number), sheet)
 
 
 def _edges(points: np.ndarray, normal: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -2,7 +2,8 @@
 
 Surfaces that coincide must be crossed at one t, whatever matrices brought them there. So every plane and quadric gets
 a canonical number; what lies within `TOLERANCE` of another, relative to the size of the smaller of what they bound,
-shares its number, and a literal is a surface and a side of it.
+shares its number, and a literal is a surface and a side of it. Only the faces of one solid are never one surface,
+however thin it is.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from tasuki.scene.kinds import UNIT_MATRIX
 
 TOLERANCE = 2.0**-20
 """Of the size of what is bounded, and of a unit normal: what float32 cannot tell apart along a ray."""
+ROUNDING = 2.0**-40
+"""Of the largest coordinate, and of a unit normal: what float64 leaves between surfaces of one solid that coincide."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,25 @@ class Placed:
 @dataclass(frozen=True)
 class Merged:
     """`first[k]` is the row of the surface that stands for canonical surface k; `number` (n,) is that of each row, and
-    `turned` (n,) tells where its inside is the other's outside.
+    `turned` (n,) tells where its inside is the other's outside; `thin` (n,) what is so near another face of its solid
+    that its measure alone would have merged them.
     """
 
     first: np.ndarray
     number: np.ndarray
     turned: np.ndarray
+    thin: np.ndarray
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What surfaces bound: `sizes` (n,), the largest coordinate in `reach` (n,), and the number of the solid whose
+    face each is, `solids` (n,).
+    """
+
+    sizes: np.ndarray
+    reach: np.ndarray
+    solids: np.ndarray
 
 
 def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np.ndarray) -> Placed:
@@ -82,23 +98,21 @@ def _cleaned(values: np.ndarray, kind: str) -> np.ndarray:
     return values
 
 
-def merged_planes(planes: np.ndarray, sizes: np.ndarray) -> Merged:
-    """Planes (n, 4) with unit normals, merged; `sizes` (n,) are those of what each bounds."""
+def merged_planes(planes: np.ndarray, measures: Measures) -> Merged:
+    """Planes (n, 4) with unit normals, merged."""
     turned = _signs(planes[:, :3]) < 0.0
     planes = np.where(turned[:, None], -planes, planes)
-    return _merged(planes[:, :3], planes[:, 3:], sizes, turned)
+    return _merged(planes[:, :3], planes[:, 3:], measures, turned)
 
 
-def merged_quadrics(quadrics: np.ndarray, sizes: np.ndarray) -> Merged:
-    """Quadrics (n, 4, 4), their largest |Q| 1, merged: alike in Q, middle, opening, and the root of the constant.
-    `sizes` as in `merged_planes`.
-    """
+def merged_quadrics(quadrics: np.ndarray, measures: Measures) -> Merged:
+    """Quadrics (n, 4, 4), their largest |Q| 1, merged: alike in Q, middle, opening, and the root of the constant."""
     turned = _signs(np.array([q[np.triu_indices(3)] for q in quadrics[:, :3, :3]]).reshape(-1, 6)) < 0.0
     quadrics = np.where(turned[:, None, None], -quadrics, quadrics)
     middle, opening, constant = completed(quadrics, np.zeros(3))
     lengths = np.sign(constant) * np.sqrt(np.abs(constant))
     upper = quadrics[:, *np.triu_indices(3)]
-    return _merged(upper, np.column_stack([middle, opening, lengths]), sizes, turned)
+    return _merged(upper, np.column_stack([middle, opening, lengths]), measures, turned)
 
 
 def completed(quadrics: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -132,14 +146,39 @@ def _signs(values: np.ndarray) -> np.ndarray:
     return np.sign(values[np.arange(len(values)), first])
 
 
-def _merged(ratios: np.ndarray, lengths: np.ndarray, sizes: np.ndarray, turned: np.ndarray) -> Merged:
+def _merged(ratios: np.ndarray, lengths: np.ndarray, measures: Measures, turned: np.ndarray) -> Merged:
     """Rows (n, ...) whose ratios are all within TOLERANCE of each other, and their lengths within that of the lesser
-    of their `sizes`, directly or from neighbour to neighbour.
+    of their sizes, directly or from neighbour to neighbour.
 
-    Along each feature in turn the rows of a class are parted where they leave a gap; until no class has one.
+    Where faces of one solid are among them, what lies between those is the measure.
     """
     features = np.column_stack([ratios, lengths])
-    allowed = np.column_stack([np.ones_like(ratios), np.broadcast_to(sizes[:, None], lengths.shape)]) * TOLERANCE
+    allowed, rounding = (
+        share * np.column_stack([np.ones_like(ratios), np.broadcast_to(measure[:, None], lengths.shape)])
+        for share, measure in ((TOLERANCE, measures.sizes), (ROUNDING, measures.reach))
+    )
+    thin = np.zeros(len(features), bool)
+    number = _classes(features, allowed)
+    rows, gaps = _own_faces(features, number, measures.solids, rounding)
+    while len(rows):
+        thin[rows] = True
+        least = np.full((number.max() + 1, features.shape[1]), np.inf)
+        np.minimum.at(least, number[rows], gaps)
+        finer = np.minimum(allowed / 2.0, least[number] / 8.0)
+        allowed = np.where(np.isfinite(least[number]), finer, allowed)
+        number = _classes(features, allowed)
+        rows, gaps = _own_faces(features, number, measures.solids, rounding)
+    _, first, number = np.unique(number, return_index=True, return_inverse=True)
+    by_place = np.argsort(first)
+    number = np.argsort(by_place)[number]
+    first = first[by_place]
+    return Merged(first, number, turned != turned[first[number]], thin)
+
+
+def _classes(features: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """The class of each row, (n,): along each feature in turn the rows of a class are parted where they leave a gap
+    larger than is `allowed`, (n, ...); until no class has one.
+    """
     number = np.zeros(len(features), np.int64)
     count = 0
     while len(features) and number.max() + 1 > count:
@@ -149,11 +188,24 @@ def _merged(ratios: np.ndarray, lengths: np.ndarray, sizes: np.ndarray, turned: 
             gaps = np.diff(column[order]) > np.minimum(tolerance[order][1:], tolerance[order][:-1])
             parted = np.concatenate([[0], np.cumsum(gaps | (np.diff(number[order]) != 0))])
             number[order] = parted
-    _, first, number = np.unique(number, return_index=True, return_inverse=True)
-    by_place = np.argsort(first)
-    number = np.argsort(by_place)[number]
-    first = first[by_place]
-    return Merged(first, number, turned != turned[first[number]])
+    return number
+
+
+def _own_faces(
+    features: np.ndarray, number: np.ndarray, solids: np.ndarray, rounding: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The rows (k,) which are in one class with another row of their solid that differs by more than `rounding`; and by
+    how much, (k, ...), infinite where a feature is the same.
+    """
+    shared = np.flatnonzero(np.bincount(number)[number] > 1) if len(number) else number
+    order = shared[np.lexsort((solids[shared], number[shared]))]
+    own = (number[order[1:]] == number[order[:-1]]) & (solids[order[1:]] == solids[order[:-1]])
+    pairs = np.stack([order[1:][own], order[:-1][own]])
+    gaps = np.abs(features[pairs[0]] - features[pairs[1]])
+    differ = gaps > rounding[pairs[0]]
+    apart = differ.any(axis=1)
+    gaps = np.where(differ, gaps, np.inf)[apart]
+    return pairs[:, apart].reshape(-1), np.concatenate([gaps, gaps])
 
 
 def _quadric_records(records: np.ndarray, quadrics: np.ndarray, near: np.ndarray) -> np.ndarray:
