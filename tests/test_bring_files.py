@@ -26,7 +26,7 @@ from tests.extending import EXAMPLES, brought, registries
 DATA = Path(__file__).parent / "data"
 CAMERA = Camera(eye=(1.0, -9.0, 4.0), at=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), angle=40.0, resolution=(48, 36))
 LIGHTS = (PointLight((3.0, -5.0, 6.0)),)
-SCENES = {"torus": [], "textures": [], "image_texture": [], "grid": ["--accelerator", "grid"]}
+SCENES = {"torus": [], "bilinear": [], "textures": [], "image_texture": [], "grid": ["--accelerator", "grid"]}
 
 
 STRAYING = """

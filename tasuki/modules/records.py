@@ -19,6 +19,8 @@ UNION = 8
 """Flag of an object, and of a token: its operation is a union."""
 SHEET = 16
 """Flag of an object: a polygon, the part of its first literal's plane that lies within the others."""
+SURFACE = 32
+"""Flag of an object: a surface of a user's kind, which has no inside; it is the object's one literal."""
 
 
 POINT = 0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from tasuki.language.declare import Case
 from tasuki.modules import records as rec
 from tasuki.modules.light_paths import trace_mirrors, trace_tree
+from tasuki.modules.local_surfaces import facet_with_local_surfaces, hit_with_local_surfaces
 from tasuki.modules.media import nested_media, own_medium
 from tasuki.modules.objects import facet_of_anything, hit_of_anything, object_bounds
 from tasuki.modules.search import OBJECT, hit_of_primitive
@@ -17,13 +18,16 @@ from tasuki.modules.texture import material_texture
 from tasuki.programs import Filler
 from tasuki.renderers.accelerators import Accelerator, lookup
 from tasuki.scene.kinds import PrimitiveKind
+from tasuki.scene.local_surfaces import is_local_surface
 from tasuki.scene.textures import TextureKind
 
-STANDING = {"primitive_hit": "hit", "primitive_surface": "surface", "primitive_bounds": "box"}
+SEEN = {"primitive_hit": "hit", "primitive_surface": "surface"}
 """Dispatch sockets, and the role of the module of each kind of primitives, standing alone, that fills them."""
+BOUNDS = "primitive_bounds"
+"""The same of the role "box"; those of objects were found when they were packed."""
 OPERANDS = {"solid_span": "span", "solid_normal": "normal"}
 """The same of solids as operands of set operations."""
-FILLED = STANDING | OPERANDS
+FILLED = {**SEEN, BOUNDS: "box", **OPERANDS}
 
 
 @dataclass(frozen=True)
@@ -56,22 +60,31 @@ def default_fillers(traits: Traits, accelerator: Accelerator | None = None) -> d
         "is_blocked": search.resolve("blocked"),
         "hit_of": hit_of_anything if traits.operands else hit_of_primitive,
         "facet_of": facet_of_anything if traits.operands else facet_of_primitive,
+        BOUNDS: _cases(traits.standing, "box"),
     }
-    filled |= {socket: _cases(traits.standing, role) for socket, role in STANDING.items()}
+    surfaces = [kind for kind in traits.operands if is_local_surface(kind)]
+    if surfaces:
+        filled |= {"hit_of": hit_with_local_surfaces, "facet_of": facet_with_local_surfaces}
+    filled |= {socket: _cases(_distinct([*traits.standing, *surfaces]), role) for socket, role in SEEN.items()}
     filled |= {socket: _cases(_solids(traits), role) for socket, role in OPERANDS.items()}
     if traits.textures:
         kinds = traits.textures
         filled["texture_colour"] = [Case(kind.number, kind.module, kind.table, kind.table_name) for kind in kinds]
     if traits.operands:
         objects = Case(OBJECT, object_bounds, rec.objects, "objects")
-        filled["primitive_bounds"] = [*_cases(traits.standing, "box"), objects]
+        filled[BOUNDS] = [*_cases(traits.standing, "box"), objects]
     return filled
 
 
 def _solids(traits: Traits) -> list[PrimitiveKind]:
     """The kinds of operands; and those that stand alone, since a medium may be one of them."""
     alone = [kind for kind in traits.standing if kind.sort == "solid"] if traits.nested else []
-    return sorted({kind.number: kind for kind in [*alone, *traits.operands]}.values(), key=lambda kind: kind.number)
+    return _distinct([*alone, *traits.operands])
+
+
+def _distinct(kinds: Sequence[PrimitiveKind]) -> list[PrimitiveKind]:
+    """Each kind once, in the order of their numbers."""
+    return sorted({kind.number: kind for kind in kinds}.values(), key=lambda kind: kind.number)
 
 
 def _cases(kinds: Sequence[PrimitiveKind], role: str) -> list[Case]:
@@ -80,4 +93,3 @@ def _cases(kinds: Sequence[PrimitiveKind], role: str) -> list[Case]:
         for kind in kinds
         if (module := kind.resolve(role)) is not None
     ]
-

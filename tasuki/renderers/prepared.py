@@ -20,6 +20,7 @@ from tasuki.programs import Filler, Options, executable
 from tasuki.renderers.accelerators import Accelerator, lookup
 from tasuki.renderers.fillers import Traits, default_fillers
 from tasuki.scene.kinds import PrimitiveKind
+from tasuki.scene.local_surfaces import complete
 from tasuki.scene.model import Scene
 from tasuki.scene.pack import Packed, pack
 
@@ -54,6 +55,7 @@ class PreparedScene:
         for name, content in tables(self.packed).items():
             builder.add(name, content)
         self.memory = self.packed.build()
+        complete(self.memory, self.packed.objects.operands)
         self.accelerator = accelerator or lookup("bvh")
         self.traits = Traits(
             [one.kind.narrowed(one.records) for one in self.packed.primitives],

@@ -84,8 +84,8 @@ def render(
     `work`, so many pixels or a "scanline" at a time, by "static" or "dynamic" `distribution`; for the modules that
     `microcode` names, files of macro assembler text stand in (docs/pu-compiler.md, "By hand"). `modules` fills
     sockets, by name, with modules of yours, given as they are or as "FILE.py:NAME". `with_files` are run first: they
-    register solids, textures and accelerators of yours. The files that a scene's file names lie in its folder, or
-    deeper, unless `allow_outside`. `accelerator` keeps the search for hits short; it does not change the
+    register solids, surfaces, textures and accelerators of yours. The files that a scene's file names lie in its
+    folder, or deeper, unless `allow_outside`. `accelerator` keeps the search for hits short; it does not change the
     picture. Where modules of yours take part, accesses to tables are checked unless `unchecked`. `profile`
     tells what modules cost: on the CPU it times them, on one thread. `count`: afterwards some pixels are traced once
     more, by the CPU, to count the intersection tests and the steps that a ray takes (`stats["search"]`, see

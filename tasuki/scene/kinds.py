@@ -46,8 +46,9 @@ class PrimitiveKind:
     and `box` (bounds). A *solid* may be an operand of set operations; for that it has `span` (whether a ray is IN
     before and after some t, and its next crossing), `normal`, `inside` (IN/OUT at a point) and `box`. With `hit` and
     `surface` beside them it is searched faster where it stands alone; without them it is an object of one operand.
-    `cost` is that of `hit` in units of a triangle's. Solids that are not built in are nodes of scene files, under their
-    names. `number` is what the field `kind` of a record holds; `register` gives it.
+    `cost` is that of `hit` in units of a triangle's. Kinds that are not built in are nodes of scene files, under their
+    names; their modules work in the node's own coordinates, where a ray's direction may have any length. `number` is
+    what the field `kind` of a record holds; `register` gives it.
     """
 
     name: str

@@ -10,7 +10,7 @@ import numpy as np
 from tasuki.scene.csg import QUADRIC, Leaf, Tree
 from tasuki.scene.flatten import OBJECT, Flat, FlatObject
 from tasuki.scene.kinds import OBJECT as OBJECT_KIND
-from tasuki.scene.kinds import record_dtype
+from tasuki.scene.kinds import lookup, record_dtype
 from tasuki.scene.objects import FAR, SLACK, Objects
 from tasuki.scene.shapes import CONE, NO_FRAME, POLYGON, SPHERE, Shapes, positions_of
 from tasuki.scene.surfaces import TOLERANCE
@@ -132,6 +132,8 @@ def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray, size: 
             continue
         if sort == OBJECT and flat.objects[position].sheet is not None:
             continue
+        if sort == OBJECT and _is_surface(flat.objects[position].root):
+            continue
         mixed = sort == OBJECT and _is_mixed(flat.objects[position].root)
         if mixed or neighbours.meets(place):
             code = position * 32 + quadric if sort == SPHERE else int(rows[position]) * 32 + OBJECT_KIND
@@ -171,6 +173,11 @@ class _Neighbours:
         near = self.sorted[first : np.searchsorted(self.sorted[:, 0], high[0], side="right")]
         apart = (near[:, :3] > high).any(axis=1) | (near[:, 3:] < low).any(axis=1)
         return bool((~apart).sum() > 1)
+
+
+def _is_surface(root: Tree) -> bool:
+    """Whether a formula is a surface of a user's kind, which has no inside."""
+    return isinstance(root, Leaf) and lookup(root.kind).sort == "surface"
 
 
 def _is_mixed(root: Tree) -> bool:

@@ -273,11 +273,11 @@ COMMON_FIELDS = ("kind", "attribute", "matrix", "flags")
 
 
 def node_models() -> Mapping[str, type[NodeModel]]:
-    """The model under every key that a node may have: Tasuki's own, then those of users' solids.
+    """The model under every key that a node may have: Tasuki's own, then those of users' solids and surfaces.
 
-    SceneError where the name of a user's solid is taken, or its record has a field that a scene file cannot hold.
+    SceneError where the name of a user's kind is taken, or its record has a field that a scene file cannot hold.
     """
-    return _node_models(tuple(kind for kind in kinds() if kind.sort == "solid" and not kind.is_built_in))
+    return _node_models(tuple(kind for kind in kinds() if not kind.is_built_in))
 
 
 @cache
@@ -299,4 +299,6 @@ def _users_model(kind: PrimitiveKind) -> type[NodeModel]:
             message = f"the primitive kind {kind.name!r} cannot stand in a scene"
             raise SceneError(str(Diagnostic(message, None, expected, f"{name}: {type_}")))
         fields[name] = (FIELD_TYPES[str(type_)], ...)
-    return create_model(kind.name, __base__=BoundedModel, __doc__="A solid that a user brought.", **fields)
+    # Only what has an inside may have an extent.
+    base = BoundedModel if kind.sort == "solid" else NodeModel
+    return create_model(kind.name, __base__=base, __doc__=f"A {kind.sort} that a user brought.", **fields)

@@ -210,6 +210,10 @@ def _registered(census: Census, members: Sequence[int]) -> Iterator[Problem]:
         except SceneError:
             yield Problem((*path, "kind"), "there is no such kind", "a registered kind", quote(solid.kind))
             continue
+        if kind.is_built_in:
+            message = "what comes with Tasuki has nodes of its own"
+            yield Problem((*path, "kind"), message, "a kind that a user registered", quote(solid.kind))
+            continue
         yield from _fields(path, solid.fields, _given_fields(kind.record))
 
 

@@ -75,15 +75,15 @@ class Tessellator:
         return made[id(root)]
 
     def _literal(self, leaf: Leaf, box: Box) -> tuple[Any, bool]:
+        if leaf.kind not in (PLANE, QUADRIC):
+            message = f"a {leaf.kind} cannot be made of triangles"
+            raise SceneError(str(Diagnostic(message, leaf.place, "planes and quadrics", leaf.kind)))
         surface = self.surface_of(leaf)
         if leaf.kind == PLANE:
             manifold, outside = _half_space(-surface if leaf.inverted else surface, box), False
-        elif leaf.kind == QUADRIC:
+        else:
             manifold, outside = self._quadric(surface, box, leaf)
             outside = outside != leaf.inverted
-        else:
-            message = f"a {leaf.kind} cannot be made of triangles"
-            raise SceneError(str(Diagnostic(message, leaf.place, "planes and quadrics", leaf.kind)))
         named = manifold.as_original()
         self.leaves[named.original_id()] = leaf
         return named, outside

@@ -203,9 +203,9 @@ class Tube(Primitive):
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
 class Solid(Primitive):
-    """A solid, or surface, of a registered kind: `fields` are those of the kind's record, without its first row.
+    """A solid, or a surface, of a kind that a user registered: `fields` are those of its record, without its first row.
 
-    Solid("torus", centre=(0, 0, 0), major=2, minor=0.5, material=gold)
+    Solid("torus", major=2, minor=0.5, material=gold)
     """
 
     noun: ClassVar[str] = "solid"
