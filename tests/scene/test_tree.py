@@ -387,10 +387,13 @@ def test_surfaces_are_no_operands(node, expected):
     assert expected in found(node)
 
 
-def test_a_solid_of_a_kind_that_does_not_exist_or_has_other_fields():
+@pytest.mark.usefixtures("registry")
+def test_a_solid_of_a_kind_that_does_not_exist_or_is_ours_or_has_other_fields():
     assert found(Solid("torsu")) == ["shapes[0].kind: there is no such kind; a registered kind; 'torsu'"]
-    plane = Solid("plane", normal=(0.0, 1.0), dd=1.0)
-    assert found(plane) == [
+    ours = "what comes with Tasuki has nodes of its own; a kind that a user registered"
+    assert found(Solid("plane", normal=(0.0, 0.0, 1.0), d=1.0)) == [f"shapes[0].kind: {ours}; 'plane'"]
+    kinds.register(replace(kinds.lookup("plane"), name="mine", is_built_in=False))
+    assert found(Solid("mine", normal=(0.0, 1.0), dd=1.0)) == [
         "shapes[0].normal: this is no such value; 3 finite numbers; 0 1",
         "shapes[0].d: this is missing; a finite number; nothing",
         "shapes[0].dd: there is no such field, did you mean 'd'?; one of normal, d; 'dd'",
@@ -399,7 +402,7 @@ def test_a_solid_of_a_kind_that_does_not_exist_or_has_other_fields():
 
 @pytest.mark.usefixtures("registry")
 def test_whole_numbers_of_a_registered_kind_are_whole():
-    kinds.register(replace(kinds.lookup("plane"), name="counted", table=Table(Counted)))
+    kinds.register(replace(kinds.lookup("plane"), name="counted", table=Table(Counted), is_built_in=False))
     assert found(Solid("counted", count=2)) == []
     assert found(Solid("counted", count=2.5)) == ["shapes[0].count: this is no such value; a whole number; 2.5"]
 
