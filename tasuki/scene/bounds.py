@@ -73,21 +73,22 @@ def plane_boxes(planes: np.ndarray) -> np.ndarray:
 
 
 def quadric_boxes(quadrics: np.ndarray) -> np.ndarray:
-    """Boxes (n, 6) of the insides of quadrics (n, 4, 4): of ellipsoids, of cylinders and parallel planes across.
+    """Boxes (n, 6) of the insides of quadrics (n, 4, 4), as in `csg.Leaf`: of ellipsoids, of cylinders and parallel
+    planes across.
 
     With the square completed at p, along axis i an inside reaches sqrt(r pinv(Q)_ii) from p; a direction that Q
     leaves free has no bound, but for the opening of a paraboloid, which lies on one side of its vertex.
     """
-    q, linear = quadrics[:, :3, :3], quadrics[:, :3, 3]
+    q, linear = quadrics[:, :3, :3], quadrics[:, :3, 3] / 2.0
     values, vectors = np.linalg.eigh(q)
     least = FLAT * np.abs(values).max(axis=1, initial=1e-300)
     zero = np.abs(values) <= least[:, None]
     inverse = np.einsum("nij,nj,nkj->nik", vectors, np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, values)), vectors)
     middle = -np.einsum("nij,nj->ni", inverse, linear)
     rest = linear + np.einsum("nij,nj->ni", q, middle)
-    constant = -(np.einsum("ni,ni->n", middle, linear + rest) + quadrics[:, 3, 3])
+    constant = quadrics[:, 3, 3] - np.einsum("ni,ni->n", middle, linear + rest)
     boxes = np.tile(np.array(EVERYTHING), (len(quadrics), 1))
-    opens = np.abs(rest).max(axis=1, initial=0.0) > 1e-9 * np.abs(quadrics).max(axis=(1, 2), initial=0.0)
+    opens = np.abs(rest).max(axis=1, initial=0.0) > 1e-9 * np.abs(quadrics[:, :3]).max(axis=(1, 2), initial=0.0)
     round_ = (values >= -least[:, None]).all(axis=1) & ~opens
     reach = np.sqrt(np.maximum(constant, 0.0)[:, None] * np.maximum(np.einsum("nii->ni", inverse), 0.0))
     free = np.einsum("nij,nj->ni", vectors**2, zero.astype(float)) > FLAT
@@ -98,7 +99,7 @@ def quadric_boxes(quadrics: np.ndarray) -> np.ndarray:
     for i in np.flatnonzero(bowl):
         half_space = np.concatenate([2.0 * rest[i], [-constant[i] - 2.0 * rest[i] @ middle[i]]])
         boxes[i] = plane_boxes(half_space[None])[0]
-    return boxes
+    return boxes + np.tile(quadrics[:, 3, :3], 2)
 
 
 def principal_axes(quadrics: np.ndarray) -> np.ndarray:
@@ -131,19 +132,20 @@ def contracted(box: Box, quadric: np.ndarray) -> Box:
     """What of a box may lie inside of a quadric without mixed terms: q x^2 + 2 l x on each axis is at most minus the
     least that the other axes give (a cone between two planes is so bounded).
     """
-    q, linear = np.diagonal(quadric)[:3], quadric[:3, 3]
-    if np.abs(quadric[:3, :3] - np.diag(q)).max() > FLAT * np.abs(quadric).max():
+    q, linear, centre = np.diagonal(quadric)[:3], quadric[:3, 3] / 2.0, quadric[3, :3]
+    if np.abs(quadric[:3, :3] - np.diag(q)).max() > FLAT * np.abs(quadric[:3]).max():
         return box
-    least = [_least(a, b, low, high) for a, b, low, high in zip(q, linear, box[:3], box[3:], strict=True)]
+    around = np.array(box).reshape(2, 3) - centre
+    least = [_least(a, b, low, high) for a, b, low, high in zip(q, linear, *around.tolist(), strict=True)]
     for axis in range(3):
-        others = sum(least[other] for other in range(3) if other != axis) + quadric[3, 3]
+        others = sum(least[other] for other in range(3) if other != axis) - quadric[3, 3]
         if q[axis] > 0.0 and isfinite(others):
             root = linear[axis] ** 2 - q[axis] * others
             if root < 0.0:
                 return EMPTY
             bounds = list(EVERYTHING)
-            bounds[axis] = (-linear[axis] - sqrt(root)) / q[axis]
-            bounds[axis + 3] = (-linear[axis] + sqrt(root)) / q[axis]
+            bounds[axis] = centre[axis] + (-linear[axis] - sqrt(root)) / q[axis]
+            bounds[axis + 3] = centre[axis] + (-linear[axis] + sqrt(root)) / q[axis]
             box = intersected(box, tuple(bounds))  # type: ignore[arg-type]
     return box
 

@@ -70,11 +70,9 @@ def _quadric(
 ) -> Literals:
     """Inside is where (P - centre)^T matrix (P - centre) + linear . (P - centre) < constant."""
     linear = np.broadcast_to(linear, centre.shape)
-    moved = np.einsum("nij,nj->ni", matrix, centre)
     values = np.empty((len(centre), 4, 4))
-    values[:, :3, :3] = matrix
-    values[:, :3, 3] = values[:, 3, :3] = linear / 2.0 - moved
-    values[:, 3, 3] = _dot(centre, moved) - _dot(linear, centre) - constant
+    values[:, :3, :3], values[:, :3, 3] = matrix, linear
+    values[:, 3, :3], values[:, 3, 3] = centre, constant
     return Literals(QUADRIC, values)
 
 

@@ -24,10 +24,11 @@ PLANE, QUADRIC = "plane", "quadric"
 class Leaf:
     """A literal: the inside of a surface, or, `inverted`, all but that.
 
-    `values` of a plane are (n, d), shape (4,), IN where n . P + d < 0; of a quadric the symmetric (4, 4) matrix S, IN
-    where (P, 1)^T S (P, 1) < 0; of any other kind the fields of its record by name. All float64, in local coordinates,
-    which `matrix` (4, 4) places in those of the scene. `material` is an index into the flat scene's materials. The
-    literals of one solid have the node `solid` in common, and the matrix.
+    `values` of a plane are (n, d), shape (4,), IN where n . P + d < 0; of a quadric the rows (Q, l), (p, r), shape
+    (4, 4), Q symmetric, IN where (P - p)^T Q (P - p) + l . (P - p) < r, so that r is not lost beside squares of a p
+    that is far away; of any other kind the fields of its record by name. All float64, in local coordinates, which
+    `matrix` (4, 4) places in those of the scene. `material` is an index into the flat scene's materials. The literals
+    of one solid have the node `solid` in common, and the matrix.
     """
 
     kind: str
@@ -53,6 +54,14 @@ class Branch:
 
 
 Tree: TypeAlias = Leaf | Branch
+
+
+def negated(values: np.ndarray) -> np.ndarray:
+    """The values of a plane or quadric, or of many, whose inside is the outside of these. As in `Leaf.values`."""
+    turned = -values
+    if values.shape[-2:] == (4, 4):
+        turned[..., 3, :3] = values[..., 3, :3]
+    return turned
 
 
 @dataclass(frozen=True, slots=True)

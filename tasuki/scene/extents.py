@@ -16,7 +16,7 @@ import numpy as np
 
 from tasuki.diagnostics import Diagnostic
 from tasuki.scene.bounds import EMPTY, FLAT, Box, is_bounded
-from tasuki.scene.csg import QUADRIC, Leaf
+from tasuki.scene.csg import QUADRIC, Leaf, negated
 from tasuki.scene.flatten import OBJECT, FlatGroup, FlatObject, Sphered
 from tasuki.scene.formula import LeafBoxes, Part, in_one_frame, local_box, parents_last
 from tasuki.scene.kinds import OBJECT as OBJECT_KIND
@@ -84,17 +84,17 @@ def around_points(points: np.ndarray) -> np.ndarray:
 def around_quadrics(leaves: Sequence[Leaf]) -> np.ndarray:
     """The extents (n, 4) of quadric literals: of ellipsoids their largest axis, wherever matrices bring it.
 
-    With S of a literal's inside negative, an ellipsoid is where Q is positive definite; its radius is the root of
-    constant over least eigenvalue.
+    An ellipsoid is where Q is positive definite; its radius is the root of constant over least eigenvalue.
     """
     extents = np.tile(np.array(NONE), (len(leaves), 1))
     if not leaves:
         return extents
     values = np.array([leaf.values for leaf in leaves], np.float64)
-    values[[leaf.inverted for leaf in leaves]] *= -1.0
+    inverted = [leaf.inverted for leaf in leaves]
+    values[inverted] = negated(values[inverted])
     matrices = np.array([leaf.matrix for leaf in leaves])
     linear = matrices[:, :3, :3]
-    middle, opening, constant = completed(values, np.zeros(3))
+    middle, opening, constant = completed(values, values[:, 3, :3])
     inverse = np.linalg.inv(linear)
     here = np.einsum("nji,njk,nkl->nil", inverse, values[:, :3, :3], inverse)
     own, stretched = np.linalg.eigvalsh(values[:, :3, :3]), np.linalg.eigvalsh(here)

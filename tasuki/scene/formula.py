@@ -27,7 +27,7 @@ from tasuki.scene.bounds import (
     transformed,
     united,
 )
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf, Tree
+from tasuki.scene.csg import PLANE, QUADRIC, Leaf, Tree, negated
 
 LITERAL, GROUP, OPERATOR, END = range(4)
 INVERTED, UNION, OPENS_UNION, SAVED, LOCAL = 4, 8, 16, 32, 64
@@ -164,9 +164,7 @@ def in_one_frame(part: Part) -> list[list[Leaf]]:
     return [leaves for leaves in frames.values() if len(leaves) > 1]
 
 
-def local_box(
-    leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: bool = False
-) -> tuple[Box, np.ndarray]:
+def local_box(leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: bool = False) -> tuple[Box, np.ndarray]:
     """The box around what lies in all of `leaves` (`complement`: around what lies in none), and the matrix from its
     coordinates to the scene's: those that the leaves have in common, or, where it has no bounds in these, such as are
     turned along the axes of one of the quadrics (those of a slanting cylinder between planes).
@@ -188,7 +186,7 @@ def local_box(
 def _insides(leaves: Sequence[Leaf], kind: str, *, complement: bool) -> list[np.ndarray]:
     """The values of all surfaces of a kind, their signs such that what counts is where they are negative."""
     return [
-        -np.asarray(leaf.values) if leaf.inverted != complement else np.asarray(leaf.values)
+        negated(np.asarray(leaf.values)) if leaf.inverted != complement else np.asarray(leaf.values)
         for leaf in leaves
         if leaf.kind == kind
     ]

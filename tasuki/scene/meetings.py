@@ -68,14 +68,14 @@ def _balls(root: Tree) -> list[np.ndarray]:
 
 def _ball(leaf: Leaf) -> np.ndarray | None:
     """Centre and radius, (4,), of a quadric that is a sphere in the scene; None of any other."""
-    inverse = np.linalg.inv(leaf.matrix)
-    values = inverse.T @ np.asarray(leaf.values) @ inverse
-    largest = np.abs(values[:3, :3]).max()
-    if largest == 0.0 or np.abs(values[:3, :3] / largest - np.eye(3)).max() > 1e-9:
+    values, inverse = np.asarray(leaf.values), np.linalg.inv(leaf.matrix[:3, :3])
+    q, linear = inverse.T @ values[:3, :3] @ inverse, inverse.T @ values[:3, 3]
+    largest = np.abs(q).max()
+    if largest == 0.0 or np.abs(q / largest - np.eye(3)).max() > 1e-9:
         return None
-    values = values / values[0, 0]
-    centre = -values[:3, 3]
-    return np.append(centre, np.sqrt(max(centre @ centre - values[3, 3], 0.0)))
+    shift = linear / (2.0 * q[0, 0])
+    centre = leaf.matrix[:3, :3] @ values[3, :3] + leaf.matrix[:3, 3] - shift
+    return np.append(centre, np.sqrt(max(values[3, 3] / q[0, 0] + shift @ shift, 0.0)))
 
 
 def with_objects(flat: Flat, sort: int, taken: np.ndarray, made: Sequence[FlatObject]) -> Flat:
@@ -98,13 +98,13 @@ def _as_object(flat: Flat, position: int) -> FlatObject:
     spheres = flat.shapes.spheres
     centre, frame = spheres.centre[position], int(spheres.frame[position])
     matrix = np.eye(4) if frame == NO_FRAME else flat.frames[frame]
-    from_scene = np.eye(4)
-    from_scene[:3, 3] = -centre
-    unit = np.diag([1.0, 1.0, 1.0, -(spheres.radius[position] ** 2)])
-    to_middle = from_scene @ matrix
+    values = np.zeros((4, 4))
+    values[:3, :3] = matrix[:3, :3].T @ matrix[:3, :3]
+    values[3, :3] = np.linalg.solve(matrix[:3, :3], centre - matrix[:3, 3])
+    values[3, 3] = spheres.radius[position] ** 2
     material, node = int(spheres.material[position]), flat.shapes.node(SPHERE, position)
     number = int(np.flatnonzero(flat.sorts == SPHERE)[position])
-    root = Leaf(QUADRIC, to_middle.T @ unit @ to_middle, matrix, material, node)
+    root = Leaf(QUADRIC, values, matrix, material, node)
     return FlatObject(root, material, None, node.place, ("shapes", number))
 
 

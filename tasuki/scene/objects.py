@@ -14,7 +14,7 @@ import numpy as np
 
 from tasuki.scene import surfaces
 from tasuki.scene.bounds import EMPTY, EVERYTHING, Box, plane_boxes, quadric_boxes, transformed
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf
+from tasuki.scene.csg import PLANE, QUADRIC, Leaf, negated
 from tasuki.scene.formula import INVERTED, Tokens, around_literals, literals, normalised, with_boxes
 from tasuki.scene.kinds import OBJECT, PrimitiveKind, lookup, record_dtype
 from tasuki.scene.material import Material
@@ -245,7 +245,7 @@ class _Placing:
         def surface(leaf: Leaf) -> np.ndarray:
             place, mine = places[leaf.kind][self.row[id(leaf)]], classes[leaf.kind]
             values = self.placed[leaf.kind].values[mine.first[mine.number[place]]]
-            return -values if mine.turned[place] else values
+            return negated(values) if mine.turned[place] else values
 
         return surface
 
@@ -291,7 +291,7 @@ class _Placing:
     def _find_boxes(self, kind: PrimitiveKind, leaves: Sequence[Leaf]) -> None:
         find = plane_boxes if kind.name == PLANE else quadric_boxes
         placed, local = self.placed[kind.name].values, np.array([leaf.values for leaf in leaves], np.float64)
-        four = np.stack([find(values) for values in (placed, -placed, local, -local)], axis=1)
+        four = np.stack([find(values) for values in (placed, negated(placed), local, negated(local))], axis=1)
         inverted = self.inverted[self.rows[kind.name]]
         four[inverted] = four[inverted][:, [1, 0, 3, 2]]
         self._boxes[self.rows[kind.name]] = four

@@ -16,7 +16,7 @@ import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError, Span
 from tasuki.scene.bounds import Box, is_bounded
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf
+from tasuki.scene.csg import PLANE, QUADRIC, Leaf, negated
 from tasuki.scene.formula import Part
 from tasuki.scene.surfaces import completed
 
@@ -93,7 +93,7 @@ class Tessellator:
         values, axes = np.linalg.eigh(surface[:3, :3])
         values[np.abs(values) < FLAT * np.abs(values).max()] = 0.0
         if (values < 0.0).sum() > 1:
-            manifold, outside = self._quadric(-surface, box, leaf)
+            manifold, outside = self._quadric(negated(surface), box, leaf)
             return manifold, not outside
         if (values > 0.0).sum() < 2:
             expected = "an ellipsoid, cylinder, cone, hyperboloid or paraboloid"
@@ -161,7 +161,7 @@ class Tessellator:
         if leaf.kind == PLANE:
             return np.zeros_like(corners)
         surface = self.surface_of(leaf)
-        gradients = corners @ surface[:3, :3] + surface[:3, 3]
+        gradients = (corners - surface[3, :3]) @ surface[:3, :3] + surface[:3, 3] / 2.0
         face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         turned = np.einsum("nij,nj->n", gradients, face) < 0.0
         gradients[turned] *= -1.0

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf
+from tasuki.scene.csg import PLANE, QUADRIC, Leaf, negated
 from tasuki.scene.kinds import UNIT_MATRIX
 
 TOLERANCE = 2.0**-20
@@ -25,12 +25,9 @@ ROUNDING = 2.0**-40
 
 @dataclass(frozen=True)
 class Placed:
-    """Surfaces of one kind, in the scene's coordinates: `values` (n, 4) or (n, 4, 4) as in `Leaf`, float64, and the
-    `middle` (n, 3) of the local coordinates of each.
-    """
+    """Surfaces of one kind, in the scene's coordinates: `values` (n, 4) or (n, 4, 4) as in `Leaf`, float64."""
 
     values: np.ndarray
-    middle: np.ndarray
 
     def records(self, records: np.ndarray, rows: np.ndarray, origin: np.ndarray) -> np.ndarray:
         """`records`, (k,), with the equations of the surfaces `rows` filled in, for points that count from `origin`."""
@@ -38,9 +35,8 @@ class Placed:
         if values.ndim == 2:
             records["normal"], records["d"] = values[:, :3], values[:, 3] + values[:, :3] @ origin
             return records
-        shift = np.eye(4)
-        shift[:3, 3] = origin
-        return _quadric_records(records, shift.T @ values @ shift, self.middle[rows] - origin)
+        values[:, 3, :3] -= origin
+        return _quadric_records(records, values)
 
 
 @dataclass(frozen=True)
@@ -70,7 +66,7 @@ class Measures:
 def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np.ndarray) -> Placed:
     """The surfaces of `leaves`, all of `kind`; `matrices` (n, 4, 4) are their own, to the scene, and `inverses` back.
 
-    Surfaces go by the transpose of the inverse. SceneError where numbers are too large or too small for that.
+    Normals and Q go by the transpose of the inverse. SceneError where numbers are too large or too small for that.
     """
     shape = (-1, 4) if kind == PLANE else (-1, 4, 4)
     values = np.array([leaf.values for leaf in leaves], np.float64).reshape(shape)
@@ -79,16 +75,25 @@ def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np
             values = np.einsum("nji,nj->ni", inverses, values)
             values = values / np.linalg.norm(values[:, :3], axis=1, keepdims=True)
         else:
-            values = np.einsum("nji,njk,nkl->nil", inverses, values, inverses)
-            largest = np.abs(values[:, :3, :3]).max(axis=(1, 2), keepdims=True)
-            # Without Q it is a plane, in an equation that Q is no measure of.
-            flat = np.linalg.norm(2.0 * values[:, :3, 3], axis=1)[:, None, None]
-            values = values / np.where(largest > 0.0, largest, flat)
+            values = _placed_quadrics(values, inverses[:, :3, :3], matrices)
     finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
     for number in np.flatnonzero(~finite)[:1]:
         expected = "sizes and places whose squares are within the range of float64"
         raise SceneError(str(Diagnostic("this solid cannot be placed", leaves[number].place, expected, "infinity")))
-    return Placed(_cleaned(values, kind), matrices[:, :3, 3])
+    return Placed(_cleaned(values, kind))
+
+
+def _placed_quadrics(values: np.ndarray, inverses: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Quadrics (n, 4, 4) in the scene's coordinates, their largest |Q| 1. `inverses` (n, 3, 3)."""
+    found = np.empty_like(values)
+    found[:, :3, :3] = np.einsum("nji,njk,nkl->nil", inverses, values[:, :3, :3], inverses)
+    found[:, :3, 3] = np.einsum("nji,nj->ni", inverses, values[:, :3, 3])
+    found[:, 3, 3] = values[:, 3, 3]
+    largest = np.abs(found[:, :3, :3]).max(axis=(1, 2))
+    # Without Q it is a plane, in an equation that Q is no measure of.
+    found /= np.where(largest > 0.0, largest, np.linalg.norm(found[:, :3, 3], axis=1))[:, None, None]
+    found[:, 3, :3] = np.einsum("nij,nj->ni", matrices[:, :3, :3], values[:, 3, :3]) + matrices[:, :3, 3]
+    return found
 
 
 def _cleaned(values: np.ndarray, kind: str) -> np.ndarray:
@@ -108,7 +113,7 @@ def merged_planes(planes: np.ndarray, measures: Measures) -> Merged:
 def merged_quadrics(quadrics: np.ndarray, measures: Measures) -> Merged:
     """Quadrics (n, 4, 4), their largest |Q| 1, merged: alike in Q, middle, opening, and the root of the constant."""
     turned = _signs(np.array([q[np.triu_indices(3)] for q in quadrics[:, :3, :3]]).reshape(-1, 6)) < 0.0
-    quadrics = np.where(turned[:, None, None], -quadrics, quadrics)
+    quadrics = np.where(turned[:, None, None], negated(quadrics), quadrics)
     middle, opening, constant = completed(quadrics, np.zeros(3))
     lengths = np.sign(constant) * np.sqrt(np.abs(constant))
     upper = quadrics[:, *np.triu_indices(3)]
@@ -116,28 +121,29 @@ def merged_quadrics(quadrics: np.ndarray, measures: Measures) -> Merged:
 
 
 def completed(quadrics: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """p, l, r of (P-p)^T Q (P-p) + l . (P-p) = r, for quadrics (n, 4, 4): p the nearest to `near` of all middles.
+    """p, l, r of (P-p)^T Q (P-p) + l . (P-p) = r, for quadrics (n, 4, 4) as in `Leaf`: p the nearest to `near` of all
+    middles.
 
-    Where a linear term remains (a paraboloid), p moves along it until r is 0.
+    Where a linear term remains (a paraboloid), p moves along it until r is 0. All is found about the p that is given,
+    and moved from there only along what leaves the equation as it is.
     """
-    q, linear = quadrics[:, :3, :3], quadrics[:, :3, 3]
-    inverse = np.linalg.pinv(q, rcond=1e-12, hermitian=True)
-    start = np.broadcast_to(near, linear.shape)
-    gradient = np.einsum("nij,nj->ni", q, start) + linear
-    middle = start - np.einsum("nij,nj->ni", inverse, gradient)
+    q, linear, given = quadrics[:, :3, :3], quadrics[:, :3, 3] / 2.0, quadrics[:, 3, :3]
+    values, axes = np.linalg.eigh(q)
+    free = np.abs(values) <= 1e-12 * np.abs(values).max(axis=1, initial=0.0, keepdims=True)
+    inverse = np.einsum("nij,nj,nkj->nik", axes, np.where(free, 0.0, 1.0 / np.where(free, 1.0, values)), axes)
+    middle = -np.einsum("nij,nj->ni", inverse, linear)
     rest = np.einsum("nij,nj->ni", q, middle) + linear
     scale = np.abs(linear).max(axis=1, initial=0.0) + np.abs(middle).max(axis=1, initial=0.0)
     rest[np.abs(rest) <= 1e-12 * scale[:, None]] = 0.0
-    constant = -_value(quadrics, middle)
-    slope = 4.0 * np.einsum("ni,ni->n", rest, rest)
-    step = np.where(slope > 0.0, constant / np.where(slope > 0.0, slope, 1.0), 0.0)
-    middle = middle + 2.0 * step[:, None] * rest
-    return middle, 2.0 * rest, np.where(slope > 0.0, 0.0, constant)
-
-
-def _value(quadrics: np.ndarray, points: np.ndarray) -> np.ndarray:
-    homogeneous = np.column_stack([points, np.ones(len(points))])
-    return np.einsum("ni,nij,nj->n", homogeneous, quadrics, homogeneous)
+    constant = quadrics[:, 3, 3] - np.einsum("ni,ni->n", middle, np.einsum("nij,nj->ni", q, middle) + 2.0 * linear)
+    square = np.einsum("ni,ni->n", rest, rest)
+    opens = square > 0.0
+    square = np.where(opens, square, 1.0)
+    middle = middle + np.where(opens, constant / (2.0 * square), 0.0)[:, None] * rest
+    # Along the axes that Q leaves free, but not along the linear term.
+    away = np.einsum("nij,nj,nkj,nk->ni", axes, free.astype(float), axes, near - given - middle)
+    away = away - (np.einsum("ni,ni->n", away, rest) / square)[:, None] * rest
+    return given + middle + away, 2.0 * rest, np.where(opens, 0.0, constant)
 
 
 def _signs(values: np.ndarray) -> np.ndarray:
@@ -208,9 +214,9 @@ def _own_faces(
     return pairs[:, apart].reshape(-1), np.concatenate([gaps, gaps])
 
 
-def _quadric_records(records: np.ndarray, quadrics: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """`records` with the equations of `quadrics` (n, 4, 4) about their middles next to `near`; spheres are flagged."""
-    middle, linear, constant = completed(quadrics, near)
+def _quadric_records(records: np.ndarray, quadrics: np.ndarray) -> np.ndarray:
+    """`records` with the equations of `quadrics` (n, 4, 4), the square completed; spheres are flagged."""
+    middle, linear, constant = completed(quadrics, quadrics[:, 3, :3])
     q = quadrics[:, :3, :3]
     is_sphere = np.abs(q - np.eye(3)).max(axis=(1, 2), initial=0.0) < 1e-12
     records["centre"], records["constant"] = middle, constant

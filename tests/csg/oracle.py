@@ -135,10 +135,22 @@ def placed(leaf: Leaf) -> np.ndarray:
         normal, values = values, np.zeros((4, 4))
         values[:3, 3] = values[3, :3] = normal[:3] / 2.0
         values[3, 3] = normal[3]
+    else:
+        values = _expanded(values)
     back = np.linalg.inv(leaf.matrix)
     values = back.T @ values @ back
     size = np.abs(values[:3, :3]).max() if leaf.kind != PLANE else np.linalg.norm(values[:3, 3])
     return values / size
+
+
+def _expanded(quadric: np.ndarray) -> np.ndarray:
+    """S (4, 4) of a quadric as `Leaf.values` has it."""
+    centred, back = np.zeros((4, 4)), np.eye(4)
+    centred[:3, :3] = quadric[:3, :3]
+    centred[:3, 3] = centred[3, :3] = quadric[:3, 3] / 2.0
+    centred[3, 3] = -quadric[3, 3]
+    back[:3, 3] = -quadric[3, :3]
+    return back.T @ centred @ back
 
 
 def _turned(surface: np.ndarray, other: np.ndarray) -> bool | None:

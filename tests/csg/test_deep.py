@@ -40,8 +40,7 @@ Operation = Literal["union", "intersection"]
 def ball(centre, radius: float) -> Leaf:
     """A sphere as a literal."""
     values = np.eye(4)
-    values[:3, 3] = values[3, :3] = -np.asarray(centre)
-    values[3, 3] = np.dot(centre, centre) - radius**2
+    values[3, :3], values[3, 3] = centre, radius**2
     return Leaf(QUADRIC, values, np.eye(4), 0)
 
 

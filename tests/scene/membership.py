@@ -12,11 +12,14 @@ def inside(tree, points):
         joined = (np.logical_or if tree.operation == "union" else np.logical_and).reduce(operands)
         return joined != tree.inverted
     local = (np.append(points, np.ones((len(points), 1)), axis=1) @ np.linalg.inv(tree.matrix).T)[:, :4]
-    if tree.kind == PLANE:
-        values = local @ tree.values
-    else:
-        values = np.einsum("ni,ij,nj->n", local, tree.values, local)
+    values = local @ tree.values if tree.kind == PLANE else quadric_value(tree.values, local[:, :3])
     return (values < 0.0) != tree.inverted
+
+
+def quadric_value(values, points):
+    """What is negative inside of a quadric, as `csg.Leaf` has it, at `points` (n, 3): (n,)."""
+    v = points - values[3, :3]
+    return np.einsum("ni,ij,nj->n", v, values[:3, :3], v) + v @ values[:3, 3] - values[3, 3]
 
 
 def literals(tree):

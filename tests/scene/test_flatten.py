@@ -41,7 +41,7 @@ from tasuki.scene.check import problems, without_degenerate
 from tasuki.scene.csg import Leaf
 from tasuki.scene.flatten import OBJECT, flatten
 from tasuki.scene.shapes import CONE, POLYGON, SPHERE
-from tests.scene.membership import inside, literals
+from tests.scene.membership import inside, literals, quadric_value
 from tests.scene.strategies import solids, transforms
 
 CAMERA = Camera((0.0, -5.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 45.0)
@@ -372,5 +372,5 @@ def test_the_coefficients_of_large_and_tilted_solids_are_exact_enough():
     base, apex = (100.0, 200.0, 300.0), (101.0, 203.0, 299.0)
     (side, *_) = literals(root(Cylinder(base, apex, 0.5)))
     across = np.cross(np.subtract(apex, base), (0.0, 0.0, 1.0))
-    on = np.append(np.add(base, 0.5 * across / math.hypot(*across)), 1.0)
-    assert abs(on @ side.values @ on) < 1e-9
+    on = np.add(base, 0.5 * across / math.hypot(*across))
+    assert abs(quadric_value(side.values, on[None])[0]) < 1e-9
