@@ -13,7 +13,7 @@ DATA = Path(__file__).parent / "data"
 def test_info_counts_shapes_primitives_and_materials():
     found = info(load_scene(DATA / "still_life.nff"))
     assert found["shapes"] == {"total": 32, "sphere": 14, "cylinder": 1, "cone": 9, "polygon": 8}
-    assert found["primitives"] == {"quadric": 14, "cone": 9 + 1, "triangle": 8, "quad": 7}
+    assert found["primitives"] == {"quadric": 14, "cone": 9 + 1, "triangle": 2, "quad": 7 + 3}
     assert sum(material["shapes"] for material in found["materials"]) == 32
     assert found["bounds"]["low"][2] == -3.0
     assert len(found["lights"]) == 3

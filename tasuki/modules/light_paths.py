@@ -3,7 +3,7 @@
 Both fill the socket `traced_light`; a scene in which nothing is transparent is linked with the first, which is faster.
 """
 
-from tasuki.language import any_lane, array, f32, i32, max, module, reciprocal, record, vec3
+from tasuki.language import any_lane, array, count_lanes, f32, i32, max, min, module, reciprocal, record, vec3
 from tasuki.modules.directions import reflection_direction
 from tasuki.modules.elementary import power
 from tasuki.modules.glass import energy_ratio, refraction_direction
@@ -130,26 +130,75 @@ def fork_of(ray: Ray, background: vec3) -> Fork:
     return fork
 
 
+@record
+class Path:
+    """An eye ray and the mirror rays that follow it, so far: the ray that goes on (it rests: none does), what all came
+    to, and how many generations there were.
+    """
+
+    ray: Ray
+    traced: Traced
+    generation: i32
+
+
+@module
+def path_of(view: View, eye_direction: vec3) -> Path:
+    """A path that begins at the eye."""
+    ray = Ray(view.eye, eye_direction, vec3(1.0), NOTHING, False)
+    return Path(ray, Traced(vec3(0.0), 0, 0, 0, 0), 0)
+
+
+@module
+def path_after(path: Path, view: View, t: f32, hit: i32) -> Path:
+    """The path when its ray has met thing `hit` at t, or the background."""
+    after = path
+    if hit == NOTHING:
+        after.traced.luminance = accumulate_luminance(path.traced.luminance, path.ray.weight, view.background)
+        after.ray.rests = True
+    else:
+        fork = fork_at_mirror(path.ray, t, hit)
+        after.ray = fork.mirrored
+        after.generation += 1
+        after.traced.luminance = path.traced.luminance + fork.luminance
+        after.traced.shadow += fork.shadow
+        after.traced.eye_hits = 1
+        if after.generation == view.depth:
+            after.ray.rests = True
+        after.traced.reflection += i32(not after.ray.rests)
+    return after
+
+
+@module
+def parts(path: Path, fewest: i32) -> bool:
+    """Whether the rays of a packet that go on had better part: fewer than `fewest` do, or on average every second is
+    astray: it goes, along some axis, the other way than most. With `fewest` 0 they never part.
+    """
+    goes_on = not path.ray.rests
+    rays = count_lanes(goes_on)
+    left = count_lanes(goes_on and path.ray.direction.x < 0.0)
+    front = count_lanes(goes_on and path.ray.direction.y < 0.0)
+    down = count_lanes(goes_on and path.ray.direction.z < 0.0)
+    astray = min(left, rays - left) + min(front, rays - front) + min(down, rays - down)
+    return rays < fewest or (fewest > 0 and 2 * astray > rays)
+
+
+@module
+def along_mirrors(path: Path, view: View, fewest: i32) -> Path:
+    """Follow a path to its end, or until its packet `parts`."""
+    goes_on = not path.ray.rests
+    while goes_on:
+        t, hit = nearest_hit(path.ray.origin, path.ray.direction, path.ray.left)
+        path = path_after(path, view, t, hit)
+        goes_on = not path.ray.rests
+        if parts(path, fewest):
+            break
+    return path
+
+
 @module(fills="traced_light")
 def trace_mirrors(view: View, eye_direction: vec3) -> Traced:
     """Follow an eye ray and its mirror rays."""
-    ray = Ray(view.eye, eye_direction, vec3(1.0), NOTHING, False)
-    out = Traced(vec3(0.0), 0, 0, 0, 0)
-    for generation in range(view.depth):
-        t, hit = nearest_hit(ray.origin, ray.direction, ray.left)
-        if hit == NOTHING:
-            out.luminance = accumulate_luminance(out.luminance, ray.weight, view.background)
-            break
-        if generation == 0:
-            out.eye_hits = 1
-        fork = fork_at_mirror(ray, t, hit)
-        out.shadow += fork.shadow
-        out.luminance = out.luminance + fork.luminance
-        ray = fork.mirrored
-        if ray.rests or generation + 1 == view.depth:
-            break
-        out.reflection += 1
-    return out
+    return along_mirrors(path_of(view, eye_direction), view, 0).traced
 
 
 @module(fills="traced_light")

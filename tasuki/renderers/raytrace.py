@@ -15,11 +15,12 @@ from tasuki.language.link import reached_sockets
 from tasuki.machines.cpu.machine import EdgeProfile, Items, Progress, Same
 from tasuki.modules import raytrace
 from tasuki.modules import records as rec
-from tasuki.modules.light_paths import DEEPEST
+from tasuki.modules.light_paths import DEEPEST, trace_mirrors
 from tasuki.programs import REPORT, Filler, Options, executable
 from tasuki.renderers.accelerators import lookup
 from tasuki.renderers.options import Region, RenderOptions
 from tasuki.renderers.prepared import UNBOUNDED, PreparedScene
+from tasuki.renderers.waves import WaveTracer, wave_tables
 from tasuki.scene.model import Scene
 from tasuki.scene.pack import Packed
 
@@ -63,8 +64,11 @@ class RayTracer:
         # Compiling the builder is no part of building: a second scene would not wait for it.
         self.seconds["build"] = perf_counter() - started - (REPORT.seconds - compiling)
         self.microcode: MicrocodeTracer | None = None
+        self.waves: WaveTracer | None = None
         if options.machine == "pu":
             self.microcode = self._microcode()
+        elif self._has_waves():
+            self.waves = WaveTracer(self.prepared)
         else:
             self.program = self.prepared.compile(raytrace.trace_pixel, "items")
 
@@ -78,12 +82,19 @@ class RayTracer:
             "views": (rec.View, 1),
             "picture": (rec.Pixel, pixels),
             "ray_counts": (rec.RayCounts, pixels),
+            **(wave_tables(pixels) if self.options.machine == "cpu" else {}),
         }
 
     def _check_depth(self) -> None:
         if self.prepared.traits.transparent and self.options.depth > DEEPEST:
             message = "a scene with transparent materials cannot be traced to this depth"
             raise SceneError(str(Diagnostic(message, expected=f"1 to {DEEPEST}", found=str(self.options.depth))))
+
+    def _has_waves(self) -> bool:
+        """Whether paths may wait: they have one ray at a time, and more than one generation."""
+        chain = self.fillers()["traced_light"] is trace_mirrors
+        mirrors = bool((self.memory.table("attributes")["reflection"] > 0.0).any())
+        return self.options.machine == "cpu" and chain and mirrors and self.options.depth > 1
 
     def _fill_view(self) -> None:
         options = self.options
@@ -144,9 +155,13 @@ class RayTracer:
         return rows.reshape(region.height, region.width, 4)
 
     def _trace_packets(self, places: np.ndarray, progress: Progress | None) -> None:
+        samples, threads = self.options.samples, self.options.threads
+        if self.waves:
+            self.waves.trace(places, samples, threads, TILE * TILE * CHUNK_TILES, progress)
+            return
+
         # Many samples make a pixel slow: small chunks keep progress, and Ctrl-C, prompt.
-        chunk = TILE * TILE * max(1, CHUNK_TILES // self.options.samples)
-        threads = self.options.threads
+        chunk = TILE * TILE * max(1, CHUNK_TILES // samples)
         arguments = [Items([places])]
         tables = self.prepared.tables()
         self.program.run(arguments, len(places), tables=tables, threads=threads, chunk=chunk, progress=progress)
@@ -176,7 +191,7 @@ class RayTracer:
 
     def profile(self) -> list[EdgeProfile]:
         """What the last picture cost in each module, if programs are profiled."""
-        return self.program.profile
+        return self.waves.profile() if self.waves else self.program.profile
 
     def ray_counts(self) -> dict[str, int]:
         """Rays sent for the last picture."""
