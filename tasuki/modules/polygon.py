@@ -7,7 +7,7 @@ S. Woop et al., "Watertight Ray/Triangle Intersection", 2013, who shear where we
 corner's distance: small polygons far away are hit where they are.
 """
 
-from tasuki.language import copysign, f32, fma, module, record, vec3
+from tasuki.language import copysign, dot, f32, module, record, vec3
 
 
 @record
@@ -35,9 +35,7 @@ def basis_across(direction: vec3) -> tuple[vec3, vec3]:
 @module
 def seen_along(corner: vec3, right: vec3, up: vec3) -> Seen:
     """A corner, relative to the ray's origin, in the plane across the ray."""
-    x = fma(corner.x, right.x, fma(corner.y, right.y, corner.z * right.z))
-    y = fma(corner.x, up.x, fma(corner.y, up.y, corner.z * up.z))
-    return Seen(x, y)
+    return Seen(dot(corner, right), dot(corner, up))
 
 
 @module
