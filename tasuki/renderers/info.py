@@ -67,6 +67,6 @@ def _materials(flat: Flat) -> list[dict[str, Any]]:
     used = np.zeros(len(flat.materials), np.int64)
     for sort in (SPHERE, CONE, POLYGON):
         used += np.bincount(flat.shapes.batch(sort).material, minlength=len(used))
-    used += np.bincount([one.material for one in flat.objects], minlength=len(used)).astype(np.int64)
+    used += np.bincount(flat.objects.material, minlength=len(used))
     together = zip(flat.materials, used.tolist(), strict=True)
     return [{**asdict(material), "shapes": count} for material, count in together]

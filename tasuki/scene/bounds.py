@@ -1,66 +1,64 @@
-"""Boxes around solids, in float64: of surfaces' insides, of polytopes, of boxes under matrices.
+"""Boxes around solids, in float64: of surfaces' insides, of polytopes, of boxes under matrices; of many at once.
 
-A box is (low x, low y, low z, high x, high y, high z); infinite where it has no bound. `EMPTY` holds nothing.
+A box is a row (low x, low y, low z, high x, high y, high z); infinite where it has no bound. `EMPTY` holds nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import combinations
-from math import inf, isfinite, sqrt
-from typing import TypeAlias
+from math import inf
 
 import numpy as np
 
-Box: TypeAlias = tuple[float, float, float, float, float, float]
-
-EVERYTHING: Box = (-inf, -inf, -inf, inf, inf, inf)
-EMPTY: Box = (inf, inf, inf, -inf, -inf, -inf)
+EVERYTHING = np.array([-inf, -inf, -inf, inf, inf, inf])
+EMPTY = -EVERYTHING
 FLAT = 1e-12
 """Eigenvalues and components below this share of the largest are zero but for rounding."""
-MOST_TURNS = 8
-"""Quadrics along whose axes bounds are sought."""
 MOST_POLYTOPE_PLANES = 32
 """Corners are sought among all triples of planes; beyond this number that takes too long."""
+AT_A_TIME = 1 << 18
+"""Triples of planes whose corners are sought in one go: a bound on the memory that this takes."""
 
 
-def is_bounded(box: Box) -> bool:
-    """Whether the box ends in every direction. An empty one does."""
-    return box == EMPTY or all(map(isfinite, box))
+def is_empty(boxes: np.ndarray) -> np.ndarray:
+    """Which boxes (..., 6) are EMPTY."""
+    return (boxes == EMPTY).all(axis=-1)
 
 
-def intersected(a: Box, b: Box) -> Box:
-    """What lies in both; EMPTY where nothing does."""
-    low, high = tuple(map(max, a[:3], b[:3])), tuple(map(min, a[3:], b[3:]))
-    if low[0] > high[0] or low[1] > high[1] or low[2] > high[2]:
-        return EMPTY
-    return (*low, *high)  # type: ignore[return-value]
+def is_bounded(boxes: np.ndarray) -> np.ndarray:
+    """Which boxes (..., 6) end in every direction. An empty one does."""
+    return np.isfinite(boxes).all(axis=-1) | is_empty(boxes)
 
 
-def united(a: Box, b: Box) -> Box:
-    """The box around both."""
-    return (*map(min, a[:3], b[:3]), *map(max, a[3:], b[3:]))  # type: ignore[return-value]
+def intersected(boxes: np.ndarray) -> np.ndarray:
+    """What lies in all of k boxes, (k, ..., 6); EMPTY where nothing does."""
+    low, high = boxes[..., :3].max(axis=0), boxes[..., 3:].min(axis=0)
+    common = np.concatenate([low, high], axis=-1)
+    common[(low > high).any(axis=-1)] = EMPTY
+    return common
 
 
-def transformed(box: Box, matrix: np.ndarray) -> Box:
-    """The box around a box under an affine (4, 4) matrix, by intervals (J. Arvo, Graphics Gems, 1990)."""
-    if box in (EMPTY, EVERYTHING):
-        return box
-    low, high = [], []
-    for row in matrix[:3].tolist():
-        least = greatest = row[3]
-        for factor, a, b in zip(row, box[:3], box[3:], strict=False):
-            if factor:
-                least += min(factor * a, factor * b)
-                greatest += max(factor * a, factor * b)
-        low.append(least)
-        high.append(greatest)
-    return (*low, *high)  # type: ignore[return-value]
+def united(boxes: np.ndarray) -> np.ndarray:
+    """The boxes around k boxes, (k, ..., 6)."""
+    return np.concatenate([boxes[..., :3].min(axis=0), boxes[..., 3:].max(axis=0)], axis=-1)
+
+
+def transformed(boxes: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Boxes (n, 6) around boxes under affine matrices (n, 4, 4), by intervals (J. Arvo, Graphics Gems, 1990)."""
+    low = matrices[:, :3, 3].copy()
+    high = low.copy()
+    with np.errstate(invalid="ignore"):
+        for axis in range(3):
+            factor = matrices[:, :3, axis]
+            ends = [np.where(factor == 0.0, 0.0, factor * boxes[:, axis + side, None]) for side in (0, 3)]
+            low, high = low + np.minimum(*ends), high + np.maximum(*ends)
+    ends_nowhere = (boxes == EVERYTHING).all(axis=1) | is_empty(boxes)
+    return np.where(ends_nowhere[:, None], boxes, np.concatenate([low, high], axis=1))
 
 
 def plane_boxes(planes: np.ndarray) -> np.ndarray:
     """Boxes (n, 6) of half-spaces n . P + d < 0, given as (n, 4): of those along an axis, one side."""
-    boxes = np.tile(np.array(EVERYTHING), (len(planes), 1))
+    boxes = np.tile(EVERYTHING, (len(planes), 1))
     normals, axis = planes[:, :3], np.abs(planes[:, :3]).argmax(axis=1)
     rows = np.arange(len(planes))
     size = normals[rows, axis]
@@ -73,7 +71,7 @@ def plane_boxes(planes: np.ndarray) -> np.ndarray:
 
 
 def quadric_boxes(quadrics: np.ndarray) -> np.ndarray:
-    """Boxes (n, 6) of the insides of quadrics (n, 4, 4), as in `csg.Leaf`: of ellipsoids, of cylinders and parallel
+    """Boxes (n, 6) of the insides of quadrics (n, 4, 4), as in `csg.Literals`: of ellipsoids, of cylinders and parallel
     planes across.
 
     With the square completed at p, along axis i an inside reaches sqrt(r pinv(Q)_ii) from p; a direction that Q
@@ -87,7 +85,7 @@ def quadric_boxes(quadrics: np.ndarray) -> np.ndarray:
     middle = -np.einsum("nij,nj->ni", inverse, linear)
     rest = linear + np.einsum("nij,nj->ni", q, middle)
     constant = quadrics[:, 3, 3] - np.einsum("ni,ni->n", middle, linear + rest)
-    boxes = np.tile(np.array(EVERYTHING), (len(quadrics), 1))
+    boxes = np.tile(EVERYTHING, (len(quadrics), 1))
     opens = np.abs(rest).max(axis=1, initial=0.0) > 1e-9 * np.abs(quadrics[:, :3]).max(axis=(1, 2), initial=0.0)
     round_ = (values >= -least[:, None]).all(axis=1) & ~opens
     reach = np.sqrt(np.maximum(constant, 0.0)[:, None] * np.maximum(np.einsum("nii->ni", inverse), 0.0))
@@ -102,92 +100,128 @@ def quadric_boxes(quadrics: np.ndarray) -> np.ndarray:
     return boxes + np.tile(quadrics[:, 3, :3], 2)
 
 
-def principal_axes(quadrics: np.ndarray) -> np.ndarray:
-    """Of quadrics (n, 4, 4) that close around an axis (cylinders, cones, paraboloids) the matrices (k, 4, 4) from
-    coordinates along their axes; of the first few.
+def principal_axes(quadrics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which of quadrics (n, 4, 4) close around an axis (cylinders, cones, paraboloids do), (n,); and of these the
+    matrices (k, 4, 4) from coordinates along their axes.
     """
     values, vectors = np.linalg.eigh(quadrics[:, :3, :3])
-    closing = np.flatnonzero(values[:, 1] > FLAT * np.abs(values).max(axis=1))[:MOST_TURNS]
-    turns = np.tile(np.eye(4), (len(closing), 1, 1))
-    turns[:, :3, :3] = vectors[closing]
-    return turns
+    closes = values[:, 1] > FLAT * np.abs(values).max(axis=1)
+    turns = np.tile(np.eye(4), (int(closes.sum()), 1, 1))
+    turns[:, :3, :3] = vectors[closes]
+    return closes, turns
 
 
-def joint_box(boxes: Sequence[Box], quadrics: Sequence[np.ndarray], planes: Sequence[np.ndarray]) -> Box:
-    """What lies in all of `boxes`; where that has no bounds, as far as the surfaces around it, insides negative, give
-    it some together.
+def joint_boxes(boxes: np.ndarray, quadrics: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """Of n solids each what lies in all of its boxes (k, n, 6); where that has no bounds, as far as the surfaces around
+    it, insides negative, give it some together: quadrics (q, n, 4, 4) and planes (p, n, 4).
     """
-    box = EVERYTHING
-    for one in boxes:
-        box = intersected(box, one)
-    if not is_bounded(box):
-        for quadric in 2 * list(quadrics):
-            box = contracted(box, quadric)
-    if not is_bounded(box) and len(planes) > 3:
-        box = polytope_box(planes, box)
-    return box
+    found = intersected(boxes)
+    loose = np.flatnonzero(~is_bounded(found))
+    if len(quadrics) and len(loose):
+        contracting = found[loose]
+        for quadric in (*quadrics, *quadrics):
+            contracting = contracted(contracting, quadric[loose])
+        found[loose] = contracting
+        loose = loose[~is_bounded(contracting)]
+    if len(planes) > 3 and len(loose):
+        found[loose] = polytope_boxes(planes[:, loose], found[loose])
+    return found
 
 
-def contracted(box: Box, quadric: np.ndarray) -> Box:
-    """What of a box may lie inside of a quadric without mixed terms: q x^2 + 2 l x on each axis is at most minus the
-    least that the other axes give (a cone between two planes is so bounded).
+def contracted(boxes: np.ndarray, quadrics: np.ndarray) -> np.ndarray:
+    """What of boxes (n, 6) may lie inside of quadrics (n, 4, 4), those without mixed terms: q x^2 + 2 l x on each axis
+    is at most minus the least that the other axes give (a cone between two planes is so bounded).
     """
-    q, linear, centre = np.diagonal(quadric)[:3], quadric[:3, 3] / 2.0, quadric[3, :3]
-    if np.abs(quadric[:3, :3] - np.diag(q)).max() > FLAT * np.abs(quadric[:3]).max():
-        return box
-    around = np.array(box).reshape(2, 3) - centre
-    least = [_least(a, b, low, high) for a, b, low, high in zip(q, linear, *around.tolist(), strict=True)]
-    for axis in range(3):
-        others = sum(least[other] for other in range(3) if other != axis) - quadric[3, 3]
-        if q[axis] > 0.0 and isfinite(others):
-            root = linear[axis] ** 2 - q[axis] * others
-            if root < 0.0:
-                return EMPTY
-            bounds = list(EVERYTHING)
-            bounds[axis] = centre[axis] + (-linear[axis] - sqrt(root)) / q[axis]
-            bounds[axis + 3] = centre[axis] + (-linear[axis] + sqrt(root)) / q[axis]
-            box = intersected(box, tuple(bounds))  # type: ignore[arg-type]
-    return box
+    q, linear, centre = np.einsum("nii->ni", quadrics)[:, :3], quadrics[:, :3, 3] / 2.0, quadrics[:, 3, :3]
+    mixed = np.abs(quadrics[:, :3, :3] - q[:, :, None] * np.eye(3)).max(axis=(1, 2))
+    found = boxes
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        least = _least(q, linear, boxes[:, :3] - centre, boxes[:, 3:] - centre)
+        for axis in range(3):
+            one, other = (n for n in range(3) if n != axis)
+            others = least[:, one] + least[:, other] - quadrics[:, 3, 3]
+            square = linear[:, axis] ** 2 - q[:, axis] * others
+            bounds = np.tile(EVERYTHING, (len(boxes), 1))
+            applies = (q[:, axis] > 0.0) & np.isfinite(others)
+            for end, sign in ((axis, -1.0), (axis + 3, 1.0)):
+                reach = (-linear[:, axis] + sign * np.sqrt(np.maximum(square, 0.0))) / q[:, axis]
+                bounds[applies, end] = (centre[:, axis] + reach)[applies]
+            bounds[applies & (square < 0.0)] = EMPTY
+            found = intersected(np.stack([found, bounds]))
+    unmixed = mixed <= FLAT * np.abs(quadrics[:, :3]).max(axis=(1, 2))
+    return np.where(unmixed[:, None], found, boxes)
 
 
-def polytope_box(planes: Sequence[np.ndarray], within: Box) -> Box:
-    """The box around what lies in all half-spaces (n, d) and in `within`, from the corners where three planes meet."""
-    sides = [np.array([*np.eye(3)[axis], -within[axis + 3]]) for axis in range(3) if isfinite(within[axis + 3])]
-    sides += [np.array([*-np.eye(3)[axis], within[axis]]) for axis in range(3) if isfinite(within[axis])]
-    every = np.array([*planes, *sides])
-    if not 4 <= len(every) <= MOST_POLYTOPE_PLANES or not _surrounds(every[:, :3]):
-        return within
-    every = every / np.linalg.norm(every[:, :3], axis=1)[:, None]
-    triples = np.array(list(combinations(range(len(every)), 3)))
-    normals, offsets = every[triples][:, :, :3], every[triples][:, :, 3]
-    meets = np.abs(np.linalg.det(normals)) > 1e-9
-    corners = np.linalg.solve(normals[meets], -offsets[meets][:, :, None])[:, :, 0]
-    size = np.abs(corners).max(initial=1.0)
-    inside = (corners @ every[:, :3].T + every[:, 3] <= 1e-9 * size).all(axis=1)
-    if not inside.any():
-        return EMPTY
-    low, high = corners[inside].min(axis=0), corners[inside].max(axis=0)
-    return intersected(within, (*low.tolist(), *high.tolist()))
+def _least(q: np.ndarray, linear: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The least values of q x^2 + 2 l x for low <= x <= high."""
+
+    def value(x: np.ndarray, beyond: float) -> np.ndarray:
+        return np.where(np.isfinite(x), q * x * x + 2.0 * linear * x, beyond)
+
+    lowest = np.minimum(np.maximum(-linear / q, low), high)
+    least = np.where(q > 0.0, value(lowest, inf), np.minimum(value(low, -inf), value(high, -inf)))
+    return np.where((q == 0.0) & (linear == 0.0), 0.0, least)
 
 
-def _surrounds(normals: np.ndarray) -> bool:
-    """Whether no direction stays in all half-spaces with these normals: no ray along the lines where two meet does."""
-    if np.linalg.matrix_rank(normals) < 3:
-        return False
-    pairs = np.array(list(combinations(range(len(normals)), 2)))
-    lines = np.cross(normals[pairs[:, 0]], normals[pairs[:, 1]])
-    lengths = np.linalg.norm(lines, axis=1)
-    lines = lines[lengths > 1e-9] / lengths[lengths > 1e-9, None]
-    rises = np.concatenate([lines, -lines]) @ normals.T
-    return not (rises <= 1e-9).all(axis=1).any()
+def polytope_boxes(planes: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """Boxes (n, 6) around what lies in all half-spaces (p, n, 4), rows (n, d), and in `within` (n, 6), from the corners
+    where three planes meet.
+    """
+    found = within.copy()
+    sides = np.isfinite(within)
+    # Those that are bounded on the same sides have equally many planes.
+    _, pattern = np.unique(sides @ (1 << np.arange(6)), return_inverse=True)
+    for number in range(pattern.max(initial=-1) + 1):
+        rows = np.flatnonzero(pattern == number)
+        every = np.concatenate([planes[:, rows], _sides(within[rows], sides[rows[0]])]).swapaxes(0, 1)
+        count = every.shape[1]
+        if 4 <= count <= MOST_POLYTOPE_PLANES:
+            step = max(1, AT_A_TIME // count**3)
+            for first in range(0, len(rows), step):
+                mine = rows[first : first + step]
+                found[mine] = _around_corners(every[first : first + step], within[mine])
+    return found
 
 
-def _least(q: float, linear: float, low: float, high: float) -> float:
-    """The least value of q x^2 + 2 l x for low <= x <= high."""
-    if q == 0.0 and linear == 0.0:
-        return 0.0
-    if q > 0.0:
-        x = min(max(-linear / q, low), high)
-        return q * x * x + 2.0 * linear * x if isfinite(x) else inf
-    ends = [q * x * x + 2.0 * linear * x if isfinite(x) else -inf for x in (low, high)]
-    return min(ends)
+def _sides(boxes: np.ndarray, is_side: np.ndarray) -> np.ndarray:
+    """The half-spaces (k, n, 4) of which n boxes consist that end on the sides where the mask (6,) is true, the high
+    ones first.
+    """
+    order = [side for side in (3, 4, 5, 0, 1, 2) if is_side[side]]
+    half_spaces = np.zeros((len(order), len(boxes), 4))
+    for half_space, side in zip(half_spaces, order, strict=True):
+        sign = 1.0 if side >= 3 else -1.0
+        half_space[:, side % 3], half_space[:, 3] = sign, -sign * boxes[:, side]
+    return half_spaces
+
+
+def _around_corners(planes: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """Boxes (n, 6) around what lies in all half-spaces (n, p, 4) and in `within`; the latter where that has no end."""
+    closed = _surround(planes[:, :, :3])
+    lengths = np.linalg.norm(planes[:, :, :3], axis=2, keepdims=True)
+    planes = planes / np.where(lengths > 0.0, lengths, 1.0)
+    triples = np.array(list(combinations(range(planes.shape[1]), 3)))
+    normals, offsets = planes[:, triples, :3], planes[:, triples, 3]
+    meets = (np.abs(np.linalg.det(normals)) > 1e-9) & closed[:, None]
+    corners = np.zeros((*meets.shape, 3))
+    corners[meets] = np.linalg.solve(normals[meets], -offsets[meets][:, :, None])[:, :, 0]
+    size = np.maximum(np.abs(corners).max(axis=(1, 2)), 1.0)
+    above = corners @ planes[:, :, :3].swapaxes(1, 2) + planes[:, None, :, 3]
+    inside = meets & (above <= 1e-9 * size[:, None, None]).all(axis=2)
+    low = np.where(inside[:, :, None], corners, inf).min(axis=1)
+    high = np.where(inside[:, :, None], corners, -inf).max(axis=1)
+    return np.where(closed[:, None], intersected(np.stack([within, np.concatenate([low, high], axis=1)])), within)
+
+
+def _surround(normals: np.ndarray) -> np.ndarray:
+    """Of which half-spaces, their normals (n, p, 3), no direction stays in all: no ray along the lines where two meet
+    does.
+    """
+    first, second = np.array(list(combinations(range(normals.shape[1]), 2))).T
+    lines = np.cross(normals[:, first], normals[:, second])
+    lengths = np.linalg.norm(lines, axis=2, keepdims=True)
+    meet = lengths[:, :, 0] > 1e-9
+    lines = lines / np.where(lengths > 1e-9, lengths, 1.0)
+    rises = lines @ normals.swapaxes(1, 2)
+    stays = meet & ((rises <= 1e-9).all(axis=2) | (rises >= -1e-9).all(axis=2))
+    return (np.linalg.matrix_rank(normals) == 3) & ~stays.any(axis=1)

@@ -31,20 +31,27 @@ MOST_WARNINGS = 5
 
 def problems(scene: Scene) -> list[Problem]:
     """Everything that keeps `scene` from being drawn, camera first, then materials, lights and shapes in order."""
+    return checked(scene)[0]
+
+
+def checked(scene: Scene) -> tuple[list[Problem], Walk | None]:
+    """The `problems` of a scene; and the walk through its shapes on which some were sought, None where it took none."""
     found = [*_camera(scene.camera), *_colour(("background",), scene.background)]
     for place, material in enumerate(scene.materials):
         found += _material(("materials", place), material)
     for place, light in enumerate(scene.lights):
         found += _light(("lights", place), light)
-    return found + sorted(_shapes(scene.shapes), key=lambda problem: problem.path[1])
+    of_shapes, walk = _shapes(scene.shapes)
+    return found + sorted(of_shapes, key=lambda problem: problem.path[1]), walk
 
 
-def _shapes(shapes: Shapes) -> list[Problem]:
+def _shapes(shapes: Shapes) -> tuple[list[Problem], Walk | None]:
     with collector_paused():
         found = shape_problems(shapes)
         if found or not shapes.nodes:
-            return found
-        return list(Walk(shapes).problems())
+            return found, None
+        walk = Walk(shapes)
+        return list(walk.problems()), walk
 
 
 def without_degenerate(scene: Scene) -> Scene:

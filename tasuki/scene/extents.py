@@ -9,20 +9,21 @@ surface inside out).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from math import inf, sqrt
-from typing import TYPE_CHECKING, TypeAlias
+from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic
-from tasuki.scene.bounds import EMPTY, FLAT, Box, is_bounded
-from tasuki.scene.csg import QUADRIC, Leaf, negated
-from tasuki.scene.flatten import OBJECT, FlatGroup, FlatObject, Sphered
-from tasuki.scene.formula import LeafBoxes, Part, in_one_frame, local_box, parents_last
+from tasuki.scene.bounds import FLAT, is_empty
+from tasuki.scene.csg import QUADRIC, Sphered, negated
+from tasuki.scene.flatten import OBJECT
+from tasuki.scene.formula import Part, in_one_frame, local_boxes, parents_last
 from tasuki.scene.kinds import OBJECT as OBJECT_KIND
 from tasuki.scene.kinds import PrimitiveKind, record_dtype
-from tasuki.scene.objects import SLACK
-from tasuki.scene.objects import local_box as box_of_primitive
+from tasuki.scene.objects import SLACK, Batch, Formulas
+from tasuki.scene.placing import PlacedLiterals
+from tasuki.scene.placing import local_box as box_of_primitive
 from tasuki.scene.problem import dotted
 from tasuki.scene.shapes import POLYGON
 from tasuki.scene.surfaces import completed
@@ -30,10 +31,8 @@ from tasuki.scene.surfaces import completed
 if TYPE_CHECKING:
     from tasuki.scene.pack import Packed
 
-Extent: TypeAlias = tuple[float, float, float, float]
-
-NONE: Extent = (0.0, 0.0, 0.0, inf)
-AROUND_NOTHING: Extent = (0.0, 0.0, 0.0, -inf)
+NONE = np.array([0.0, 0.0, 0.0, inf])
+AROUND_NOTHING = np.array([0.0, 0.0, 0.0, -inf])
 GROUP = -1
 """The code of a node that is a group."""
 DIAGONALS = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
@@ -61,17 +60,22 @@ def around(extents: np.ndarray, owners: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack([middle, np.where(bounded, reach, largest)])
 
 
-def around_box(box: Box, matrix: np.ndarray | None = None) -> Extent:
-    """The sphere around a box, half its diagonal; or around what an affine `matrix` (4, 4) makes of it."""
-    if box == EMPTY or not is_bounded(box):
-        return AROUND_NOTHING if box == EMPTY else NONE
-    low, high = np.array(box[:3]), np.array(box[3:])
+def around_boxes(boxes: np.ndarray, matrices: np.ndarray | None = None) -> np.ndarray:
+    """The spheres (n, 4) around boxes (n, 6), half their diagonals; or around what affine `matrices` (n, 4, 4) make of
+    them.
+    """
+    extents = np.where(is_empty(boxes)[:, None], AROUND_NOTHING, np.tile(NONE, (len(boxes), 1)))
+    finite = np.isfinite(boxes).all(axis=1)
+    low, high = boxes[finite, :3], boxes[finite, 3:]
     middle, half = (low + high) / 2.0, (high - low) / 2.0
-    if matrix is None:
-        x, y, z = middle.tolist()
-        return x, y, z, sqrt(float(half @ half))
-    x, y, z = (matrix[:3, :3] @ middle + matrix[:3, 3]).tolist()
-    return x, y, z, float(np.linalg.norm((matrix[:3, :3] * half) @ DIAGONALS, axis=0).max())
+    if matrices is None:
+        extents[finite] = np.column_stack([middle, np.sqrt(np.einsum("ni,ni->n", half, half))])
+        return extents
+    linear = matrices[finite, :3, :3]
+    centre = np.einsum("nij,nj->ni", linear, middle) + matrices[finite, :3, 3]
+    ends = (linear * half[:, None]) @ DIAGONALS
+    extents[finite] = np.column_stack([centre, np.linalg.norm(ends, axis=1).max(axis=1, initial=0.0)])
+    return extents
 
 
 def around_points(points: np.ndarray) -> np.ndarray:
@@ -81,18 +85,13 @@ def around_points(points: np.ndarray) -> np.ndarray:
     return np.column_stack([middle, radius])
 
 
-def around_quadrics(leaves: Sequence[Leaf]) -> np.ndarray:
-    """The extents (n, 4) of quadric literals: of ellipsoids their largest axis, wherever matrices bring it.
+def around_quadrics(values: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """The extents (n, 4) of the insides of quadrics (n, 4, 4) under `matrices` (n, 4, 4): of ellipsoids their largest
+    axis, wherever matrices bring it.
 
     An ellipsoid is where Q is positive definite; its radius is the root of constant over least eigenvalue.
     """
-    extents = np.tile(np.array(NONE), (len(leaves), 1))
-    if not leaves:
-        return extents
-    values = np.array([leaf.values for leaf in leaves], np.float64)
-    inverted = [leaf.inverted for leaf in leaves]
-    values[inverted] = negated(values[inverted])
-    matrices = np.array([leaf.matrix for leaf in leaves])
+    extents = np.tile(NONE, (len(values), 1))
     linear = matrices[:, :3, :3]
     middle, opening, constant = completed(values, values[:, 3, :3])
     inverse = np.linalg.inv(linear)
@@ -142,42 +141,69 @@ def of_primitives(kind: PrimitiveKind, records: np.ndarray) -> np.ndarray:
     """The extents (n, 4) of primitives that stand alone."""
     if kind.name in _OF_PRIMITIVES:
         return _OF_PRIMITIVES[kind.name](records)
-    return np.array([around_box(box_of_primitive(kind, record)) for record in records]).reshape(-1, 4)
+    return around_boxes(np.array([box_of_primitive(kind, record) for record in records]).reshape(-1, 6))
 
 
 # --- objects ----------------------------------------------------------------------------------------------------------
 
 
-def of_formulas(roots: Sequence[Part], leaf_boxes: LeafBoxes) -> np.ndarray:
-    """The extents (n, 4) of formulas with boxes (`formula.with_boxes`)."""
-    parts = [parents_last(root) for root in roots]
-    quadrics = [part.leaf for row in parts for part in row if part.leaf and part.leaf.kind == QUADRIC]
-    ellipsoids = dict(zip(map(id, quadrics), map(tuple, around_quadrics(quadrics).tolist()), strict=True))
-    extents = []
-    for row in parts:
-        found: dict[int, Extent] = {}
-        for part in row:
+def of_formulas(formulas: Formulas) -> np.ndarray:
+    """The extents (n, 4) of the objects of a scene, in scene order; of those that are left out as well."""
+    literals, placing = formulas.objects.literals, formulas.placing
+    quadrics = np.zeros((2, 0, 4))
+    if QUADRIC in placing.rows:
+        rows = placing.rows[QUADRIC]
+        values, matrices = literals.values_of(QUADRIC, rows), placing.frames[literals.frame[rows]]
+        quadrics = np.stack([around_quadrics(values, matrices), around_quadrics(negated(values, QUADRIC), matrices)])
+    extents = np.empty((len(formulas.objects), 4))
+    for batch in formulas.batches():
+        extents[formulas.order[batch.members]] = _of_batch(batch, quadrics)
+    return extents
+
+
+def _of_batch(batch: Batch, quadrics: np.ndarray) -> np.ndarray:
+    """The extents (n, 4) of formulas of one form; `quadrics` (2, k, 4) are those of all that there are and of their
+    complements.
+    """
+    parts = parents_last(batch.root)
+    leaves = [part for part in parts if part.leaf]
+    found = dict(zip(map(id, leaves), _of_literals(leaves, batch.placed, quadrics), strict=True))
+    for part in parts:
+        if not part.leaf:
             operands = [found.pop(id(one)) for one in part.parts]
-            candidates = _candidates(part, operands, ellipsoids, leaf_boxes)
-            found[id(part)] = min(candidates, key=lambda extent: extent[3])
-        extents.append(found[id(row[-1])])
-    return np.array(extents, np.float64).reshape(-1, 4)
+            found[id(part)] = _tightest(np.stack(list(_candidates(part, operands, batch.placed))))
+    return found[id(batch.root)]
 
 
-def _candidates(
-    part: Part, operands: Sequence[Extent], ellipsoids: Mapping[int, Extent], leaf_boxes: LeafBoxes
-) -> Iterator[Extent]:
-    """Spheres around a part of a formula, given those of its operands."""
-    yield around_box(part.box)
-    if part.leaf:
-        yield ellipsoids.get(id(part.leaf)) or around_box(leaf_boxes(part.leaf)[2], part.leaf.matrix)
-    elif part.is_union:
-        x, y, z, radius = around(np.array(operands), np.zeros(len(operands), np.intp), 1)[0].tolist()
-        yield x, y, z, radius
+def _of_literals(leaves: Sequence[Part], placed: PlacedLiterals, quadrics: np.ndarray) -> np.ndarray:
+    """The extents (k, n, 4) of all literals of formulas."""
+    shape = (len(leaves), -1, 4)
+    whole = around_boxes(np.concatenate([part.boxes for part in leaves])).reshape(shape)
+    literals = [part.leaf for part in leaves if part.leaf]
+    boxes, matrices = [placed.boxes(one)[2] for one in literals], [placed.matrices(one) for one in literals]
+    own = around_boxes(np.concatenate(boxes), np.concatenate(matrices)).reshape(shape)
+    for number, literal in enumerate(literals):
+        if literal.kind == QUADRIC:
+            own[number] = quadrics[int(literal.inverted), placed.positions(literal)]
+    return _tightest(np.stack([whole, own]))
+
+
+def _tightest(candidates: np.ndarray) -> np.ndarray:
+    """Of k extents (k, ..., 4) the first that is the smallest."""
+    smallest = candidates[..., 3].argmin(axis=0)[None, ..., None]
+    return np.take_along_axis(candidates, smallest, axis=0)[0]
+
+
+def _candidates(part: Part, operands: Sequence[np.ndarray], placed: PlacedLiterals) -> Iterator[np.ndarray]:
+    """Spheres (n, 4) around operators of formulas, given those of their operands."""
+    yield around_boxes(part.boxes)
+    if part.is_union:
+        count = len(part.boxes)
+        yield around(np.concatenate(operands), np.tile(np.arange(count), len(operands)), count)
     else:
         yield from operands
-        for leaves in in_one_frame(part):
-            yield around_box(*local_box(leaves, leaf_boxes))
+        for literals in in_one_frame(part):
+            yield around_boxes(*local_boxes(literals, placed))
 
 
 # --- the tree ---------------------------------------------------------------------------------------------------------
@@ -186,8 +212,8 @@ def _candidates(
 def of_things(packed: Packed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of everything that a ray may hit, in scene order: its number in the flat scene, its code, and its extent."""
     flat, formulas = packed.flat, packed.formulas
-    computed = of_formulas(formulas.roots, formulas.placing.boxes)
-    given = [flat.objects[number].extent for number in formulas.numbers.tolist()]
+    computed = of_formulas(formulas)[formulas.numbers]
+    given = [flat.objects.extents[number] for number in formulas.numbers.tolist()]
     numbers = [np.flatnonzero(flat.sorts == OBJECT)[formulas.numbers]]
     codes = [np.arange(len(computed)) * 32 + OBJECT_KIND]
     extents = [_tighter(computed, given)]
@@ -218,7 +244,7 @@ def of_groups(packed: Packed, numbers: np.ndarray, extents: np.ndarray) -> tuple
     ranges = np.searchsorted(numbers, ends)
     owner_of_thing, owner, level = _owners(ranges, len(numbers))
     grouped = np.flatnonzero(owner_of_thing >= 0)
-    found = np.tile(np.array(AROUND_NOTHING), (len(groups), 1))
+    found = np.tile(AROUND_NOTHING, (len(groups), 1))
     given = [group.extent for group in groups]
     for depth in range(level.max(initial=-1), -1, -1):
         here = np.flatnonzero(level == depth)
@@ -302,16 +328,21 @@ def _widened(extents: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def unbounded(packed: Packed) -> Iterator[Diagnostic]:
     """What is wrong where users want the extent of something to be computed that has no bounds."""
-    flat = packed.flat
-    bounded: list[FlatObject | FlatGroup] = [*flat.objects, *flat.groups]
-    if not any(one.extent == "auto" for one in bounded):
+    flat, objects = packed.flat, packed.flat.objects
+    if "auto" not in objects.extents and not any(group.extent == "auto" for group in flat.groups):
         return
     numbers, _codes, extents = of_things(packed)
     things = dict(zip(numbers.tolist(), extents[:, 3].tolist(), strict=True))
-    places = np.flatnonzero(flat.sorts == OBJECT).tolist()
-    radii = [things.get(place, -inf) for place in places] + of_groups(packed, numbers, extents)[1][:, 3].tolist()
-    for one, radius in zip(bounded, radii, strict=True):
-        if one.extent == "auto" and radius == inf:
-            noun = "object" if isinstance(one, FlatObject) else "group"
-            message = f"{dotted((*one.path, 'extent'))}: this {noun} has no bounds, so it can have no extent"
-            yield Diagnostic(message, one.place, "something that has bounds", f"an unbounded {noun}")
+    of_objects = [things.get(place, -inf) for place in np.flatnonzero(flat.sorts == OBJECT).tolist()]
+    around_groups = of_groups(packed, numbers, extents)[1][:, 3].tolist()
+    bounded = [
+        *zip(["object"] * len(objects), objects.extents, objects.places, objects.paths, of_objects, strict=True),
+        *(
+            ("group", one.extent, one.place, one.path, radius)
+            for one, radius in zip(flat.groups, around_groups, strict=True)
+        ),
+    ]
+    for noun, extent, place, path, radius in bounded:
+        if extent == "auto" and radius == inf:
+            message = f"{dotted((*path, 'extent'))}: this {noun} has no bounds, so it can have no extent"
+            yield Diagnostic(message, place, "something that has bounds", f"an unbounded {noun}")

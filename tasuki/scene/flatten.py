@@ -1,22 +1,21 @@
 """The scene tree becomes flat: shapes in batches, and objects as formulas of literals, all in the scene's coordinates.
 
-`tasuki.scene.walk` finds what stands where. Here the batches are moved, and the coefficients of literals made for all
-solids of one class together: instances of one node share them.
+`tasuki.scene.walk` finds what stands where. Here the batches are moved; `tasuki.scene.flat_objects` makes the objects.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, Span
 from tasuki.scene.collector import collector_paused
-from tasuki.scene.constructors import CONSTRUCTORS, Form
-from tasuki.scene.csg import Branch, Leaf, Sheet, Tree
-from tasuki.scene.material import Material, Vector
+from tasuki.scene.csg import FlatObjects, Sphered
+from tasuki.scene.flat_objects import flat_objects
+from tasuki.scene.material import Material
 from tasuki.scene.model import Scene
 from tasuki.scene.problem import Path
 from tasuki.scene.shapes import (
@@ -35,7 +34,6 @@ from tasuki.scene.shapes import (
     positions_of,
     surface_sort,
 )
-from tasuki.scene.solids import Solid
 from tasuki.scene.source import scene_error
 from tasuki.scene.transforms import IDENTITY
 from tasuki.scene.tree import Extent, Node
@@ -43,24 +41,6 @@ from tasuki.scene.walk import Join, Placed, Run, Use, Walk
 
 OBJECT = NODE
 """The sort of an object: no other nodes are left in a flat scene."""
-
-Sphered = tuple[Vector, float] | Literal["auto"] | None
-"""An extent in the scene's coordinates, centre and radius; "auto": to be computed; None: there is none."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class FlatObject:
-    """A solid as a formula of literals. `material` is the medium inside it, an index into the flat scene's materials.
-
-    `place` and `path` lead to its node. One with a `sheet` is a polygon, and holds nothing.
-    """
-
-    root: Tree
-    material: int
-    extent: Sphered
-    place: Span | None
-    path: Path
-    sheet: Sheet | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,12 +62,12 @@ class Flat:
 
     Things are numbered in scene order: the i-th is of sort `sorts[i]`, SPHERE, CONE, POLYGON or OBJECT, and stands at
     `positions[i]` of its batch in `shapes`, or of `objects`. `frames` (k, 4, 4) place local coordinates in the scene's;
-    `frame` of a batch is an index into them. Every `material` is an index into `materials`.
+    `frame` of a batch, or of literals, is an index into them. Every `material` is an index into `materials`.
     """
 
     materials: tuple[Material, ...]
     shapes: Shapes
-    objects: list[FlatObject]
+    objects: FlatObjects
     sorts: np.ndarray
     positions: np.ndarray
     groups: list[FlatGroup]
@@ -99,28 +79,33 @@ class Flat:
     def place(self, number: int) -> Span | None:
         """Where a thing stands in its file."""
         sort, position = int(self.sorts[number]), int(self.positions[number])
-        return self.objects[position].place if sort == OBJECT else self.shapes.place(sort, position)
+        return self.objects.places[position] if sort == OBJECT else self.shapes.place(sort, position)
 
 
-def flatten(scene: Scene) -> Flat:
+def flatten(scene: Scene, walk: Walk | None = None) -> Flat:
     """`scene` without its tree. Polygons without area are left out.
 
-    The scene must have none of the `problems` that `tasuki.scene.check` finds. SceneError where transforms, taken
-    together, are singular, or stretch what cannot be stretched.
+    The scene must have none of the `problems` that `tasuki.scene.check` finds; `walk` is the one on which it sought
+    them. Without it SceneError where transforms, taken together, are singular, or stretch what cannot be stretched.
     """
     if not scene.shapes.nodes and not scene.shapes.polygons.degenerate.any():
         return _already_flat(scene.shapes)
     with collector_paused():
-        walk = Walk(scene.shapes)
-        found = list(walk.problems())
-        if found:
-            diagnostics = (Diagnostic(f"{one.dotted}: {one.message}", None, one.expected, one.found) for one in found)
-            raise scene_error(diagnostics)
-        return _flat(walk, scene.shapes.file)
+        return _flat(walk or _walk(scene.shapes), scene.shapes.file)
+
+
+def _walk(shapes: Shapes) -> Walk:
+    walk = Walk(shapes)
+    found = list(walk.problems())
+    if found:
+        diagnostics = (Diagnostic(f"{one.dotted}: {one.message}", None, one.expected, one.found) for one in found)
+        raise scene_error(diagnostics)
+    return walk
 
 
 def _already_flat(shapes: Shapes) -> Flat:
-    return Flat(shapes.materials, shapes, [], shapes.sorts, shapes.positions, [], np.zeros((0, 4, 4)))
+    nothing = flat_objects([], [], 0)
+    return Flat(shapes.materials, shapes, nothing, shapes.sorts, shapes.positions, [], np.zeros((0, 4, 4)))
 
 
 def _flat(walk: Walk, file: str | None) -> Flat:
@@ -144,9 +129,8 @@ def _flat(walk: Walk, file: str | None) -> Flat:
         polygons.take(np.flatnonzero(kept)),
         file or file_of(placed.node for placed in walk.surfaces),
     )
-    return Flat(
-        walk.materials, shapes, _objects(objects, walk), sorts, positions_of(sorts), _groups(walk, remain), walk.frames
-    )
+    found, frames = _objects(objects, walk)
+    return Flat(walk.materials, shapes, found, sorts, positions_of(sorts), _groups(walk, remain), frames)
 
 
 # Batches
@@ -257,86 +241,13 @@ def _scales(frame: np.ndarray, frames: np.ndarray) -> np.ndarray:
 # Objects and groups
 
 
-def _objects(objects: Sequence[Placed], walk: Walk) -> list[FlatObject]:
-    uses = [token for placed in objects for token in placed.tokens if type(token) is Use]
-    trees = iter(_trees(uses, walk.frames))
+def _objects(objects: Sequence[Placed], walk: Walk) -> tuple[FlatObjects, np.ndarray]:
+    """The objects, and the frames with that of the scene's own coordinates, if any of their solids needs it."""
     extents = _extents([(placed.node, placed.frame) for placed in objects], walk.frames)
-    flat = []
-    for placed, extent in zip(objects, extents, strict=True):
-        material = placed.material
-        if material < 0:
-            material = next(token.material for token in placed.tokens if type(token) is Use)
-        flat.append(FlatObject(_root(placed.tokens, trees), material, extent, placed.node.place, placed.path))
-    return flat
-
-
-def _root(tokens: Sequence[Use | Join], trees: Iterator[Tree]) -> Tree:
-    """The tree of a formula, given those of its operands in order."""
-    if len(tokens) == 1:
-        return next(trees)
-    operands = [next(trees) if type(token) is Use else None for token in tokens]
-    stack: list[Tree] = []
-    for token, operand in zip(reversed(tokens), reversed(operands), strict=True):
-        if isinstance(token, Join):
-            operand = Branch(token.operation, tuple(stack[: -token.arity - 1 : -1]), token.inverted)
-            del stack[-token.arity :]
-        assert operand is not None
-        stack.append(operand)
-    return stack[0]
-
-
-def _trees(uses: Sequence[Use], frames: np.ndarray) -> list[Tree]:
-    """The formula of every use of a solid."""
-    matrices = [*frames, IDENTITY.matrix]
-    found: list[Any] = [None] * len(uses)
-    by_class: dict[type[Node], list[int]] = {}
-    for number, use in enumerate(uses):
-        by_class.setdefault(type(use.solid), []).append(number)
-    for solid_class, numbers in by_class.items():
-        here = [uses[number] for number in numbers]
-        made = _registered(here, matrices) if solid_class is Solid else _constructed(here, solid_class, matrices)
-        for number, tree in zip(numbers, made, strict=True):
-            found[number] = tree
-    return found
-
-
-def _registered(uses: Sequence[Use], matrices: Sequence[np.ndarray]) -> Iterator[Tree]:
-    """Solids of registered kinds: each is one literal."""
-    for solid, frame, material, inverted in uses:
-        yield Leaf(solid.kind, solid.fields, matrices[frame], material, solid, inverted)  # type: ignore[attr-defined]
-
-
-def _constructed(uses: Sequence[Use], solid_class: type[Node], matrices: Sequence[np.ndarray]) -> Iterator[Tree]:
-    """Solids of one class with a constructor. The coefficients of each solid are made once, for all of its uses."""
-    positions: dict[int, int] = {}
-    solids: list[Any] = []
-    for use in uses:
-        if positions.setdefault(id(use.solid), len(solids)) == len(solids):
-            solids.append(use.solid)
-    constructor = CONSTRUCTORS[solid_class]
-    # What overflows here is told, with its place, when it is packed.
-    with np.errstate(all="ignore"):
-        literals = constructor.literals(**constructor.columns(solids))
-    # Rows taken apart here once, for every use of a solid.
-    rows = [(one.kind, list(one.values), one.inverted) for one in literals]
-    form = constructor.form
-    for solid, frame, material, inverted in uses:
-        position, matrix = positions[id(solid)], matrices[frame]
-        if len(rows) == 1:
-            ((kind, values, _),) = rows
-            yield Leaf(kind, values[position], matrix, material, solid, inverted)
-            continue
-        leaves = [Leaf(kind, values[position], matrix, material, solid, outside) for kind, values, outside in rows]
-        yield _branch(form, leaves, inverted)
-
-
-def _branch(form: Form, leaves: list[Leaf], inverted: bool = False) -> Branch:
-    """The branch of a constructor's form. One that joins all leaves in order is by far the most frequent."""
-    assert isinstance(form, tuple)
-    if len(form) == 1 + len(leaves):
-        return Branch(form[0], leaves, inverted)
-    operands = [leaves[one] if isinstance(one, int) else _branch(one, leaves) for one in form[1:]]
-    return Branch(form[0], operands, inverted)
+    found = flat_objects(objects, extents, len(walk.frames))
+    if len(found) and found.literals.frame.max() == len(walk.frames):
+        return found, np.concatenate([walk.frames, IDENTITY.matrix[None]])
+    return found, walk.frames
 
 
 def _groups(walk: Walk, remain: np.ndarray) -> list[FlatGroup]:

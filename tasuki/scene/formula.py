@@ -1,94 +1,86 @@
-"""Formulas of set operations as rows of tokens, in the order in which the modules read them.
+"""Formulas of set operations made ready to be written: n of one form at a time, by array operations.
 
-In three steps: complements are pushed down to the literals and operators of one sort joined (`normalised`); every part
-gets a box around it, or around its complement (`with_boxes`); tokens are written, operands of one operator that lie
-together grouped under a box (`Tokens.write`). All of it without recursion: formulas may be of any depth.
+Complements are pushed down to the literals, and operators of one sort joined (`normalised`); then every part gets a box
+around it, or around its complement (`with_boxes`). Both without recursion: formulas may be of any depth.
+`tasuki.scene.tokens` writes them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from typing import Protocol
 
 import numpy as np
 
-from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.bounds import (
-    EMPTY,
     EVERYTHING,
-    Box,
     intersected,
     is_bounded,
-    joint_box,
+    is_empty,
+    joint_boxes,
     plane_boxes,
     principal_axes,
     quadric_boxes,
     transformed,
     united,
 )
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf, Tree, negated
+from tasuki.scene.csg import PLANE, QUADRIC, Form, Literal, negated
 
-LITERAL, GROUP, OPERATOR, END = range(4)
-INVERTED, UNION, OPENS_UNION, SAVED, LOCAL = 4, 8, 16, 32, 64
-"""What tokens are, and their flags: `tasuki.modules.formula` says what they mean."""
-DEEPEST = 24
-GROUP_SIZE = 2
-"""Operands that lie together under one box."""
+MOST_TURNS = 8
+"""Quadrics along whose axes bounds are sought."""
+VOID, CLOSED, LOOSE = range(3)
+"""What of an operand matters, as its box tells: nothing at all, something within bounds, something without."""
 
 
-@dataclass(slots=True)
+SHAPES = {PLANE: (4,), QUADRIC: (4, 4)}
+"""Of the coefficients of surfaces."""
+
+
+@dataclass(slots=True, eq=False)
 class Part:
-    """A literal (`leaf`), or the union or intersection of at least two parts. `rank` is the place of a literal among
-    those of its formula.
+    """A literal (`leaf`), or the union or intersection of at least two parts; of n formulas of one form.
 
-    `box` is around the part, `gap` around its complement. `waiting`: operators that must wait on the stack for it.
+    `boxes` (n, 6) are around the parts, `gaps` around their complements. Of an operator `states` (k, n) say what
+    matters of its operands: of a union's what they hold, of an intersection's what they leave out. `waiting`: operators
+    that must wait on the stack for it.
     """
 
-    leaf: Leaf | None = None
+    leaf: Literal | None = None
     is_union: bool = False
     parts: list[Part] = field(default_factory=list)
-    rank: int = 0
-    box: Box = EVERYTHING
-    gap: Box = EVERYTHING
     waiting: int = 0
+    boxes: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    gaps: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    states: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
 
 
-def normalised(tree: Tree) -> Part:
-    """The formula with complements at its literals only, every operator's operands literals or of the other sort.
+def normalised(form: Form) -> Part:
+    """The form with complements at its literals only, every operator's operands literals or of the other sort.
 
-    By De Morgan's laws, and since operators of one sort join in any order. A literal's complement is kept in its
-    `Leaf.inverted`.
+    By De Morgan's laws, and since operators of one sort join in any order.
     """
     root = Part()
-    waiting: list[tuple[Tree, bool, Part]] = [(tree, False, root)]
-    rank = 0
-    while waiting:
-        node, complement, above = waiting.pop()
-        inverted = node.inverted != complement
-        if isinstance(node, Leaf):
-            above.parts.append(Part(leaf=_turned(node, inverted), rank=rank))
-            rank += 1
+    # Of every operator whose operands follow: how many still do, whether their complements are meant, what they join.
+    open_: list[tuple[int, bool, Part]] = [(1, False, root)]
+    for token in form:
+        count, complement, above = open_.pop()
+        if count > 1:
+            open_.append((count - 1, complement, above))
+        inverted = token.inverted != complement
+        if isinstance(token, Literal):
+            above.parts.append(Part(leaf=token._replace(inverted=inverted)))
             continue
-        is_union = (node.operation == "union") != inverted
+        is_union = (token.operation == "union") != inverted
         into = above
-        if len(node.children) > 1 and (above is root or above.is_union != is_union):
+        if token.arity > 1 and (above is root or above.is_union != is_union):
             into = Part(is_union=is_union)
             above.parts.append(into)
-        # Last in, first out: the first operand is taken first, so that ranks follow the text.
-        waiting += [(child, inverted, into) for child in reversed(node.children)]
+        open_.append((token.arity, inverted, into))
+    for part in parents_last(root.parts[0]):
+        if not part.leaf:
+            part.parts, part.waiting = _longest_first(part.parts)
     return root.parts[0]
-
-
-def _turned(leaf: Leaf, inverted: bool) -> Leaf:
-    if leaf.inverted == inverted:
-        return leaf
-    return Leaf(leaf.kind, leaf.values, leaf.matrix, leaf.material, leaf.solid, inverted)
-
-
-def literals(root: Part) -> list[Part]:
-    """The literals of a formula, by rank."""
-    return sorted((part for part in parents_last(root) if part.leaf), key=lambda part: part.rank)
 
 
 def parents_last(root: Part) -> list[Part]:
@@ -99,97 +91,6 @@ def parents_last(root: Part) -> list[Part]:
         order.append(part)
         waiting += part.parts
     return order[::-1]
-
-
-# --- boxes ------------------------------------------------------------------------------------------------------------
-
-LeafBoxes = Callable[[Leaf], tuple[Box, Box, Box, Box]]
-"""Of a leaf: the box around it and around its complement, in the scene's coordinates; and the same in its own."""
-
-
-def with_boxes(root: Part, leaf_boxes: LeafBoxes) -> Part:
-    """`root`, every part's `box`, `gap` and `waiting` found, from the literals up."""
-    for part in parents_last(root):
-        if part.leaf:
-            part.box, part.gap = leaf_boxes(part.leaf)[:2]
-            continue
-        boxes, gaps = [one.box for one in part.parts], [one.gap for one in part.parts]
-        if part.is_union:
-            part.box = _around_all(boxes)
-            part.gap = _common(part, gaps, leaf_boxes, complement=True)
-        else:
-            part.box = _common(part, boxes, leaf_boxes, complement=False)
-            part.gap = _around_all(gaps)
-        part.parts, part.waiting = _longest_first(part.parts)
-    return root
-
-
-def around_literals(root: Part) -> list[tuple[Leaf, Box]]:
-    """Of each literal the box of the smallest part of its formula that has bounds, or whose complement has; EVERYTHING
-    where none has. Boxes of `root` have been found.
-    """
-    found, waiting = [], [(root, EVERYTHING)]
-    while waiting:
-        part, box = waiting.pop()
-        box = next((one for one in (part.box, part.gap) if one != EMPTY and is_bounded(one)), box)
-        if part.leaf:
-            found.append((part.leaf, box))
-        waiting += [(one, box) for one in part.parts]
-    return found
-
-
-def _around_all(boxes: Sequence[Box]) -> Box:
-    around = EMPTY
-    for box in boxes:
-        around = united(around, box)
-    return around
-
-
-def _common(part: Part, boxes: Sequence[Box], leaf_boxes: LeafBoxes, *, complement: bool) -> Box:
-    """The box around what lies in all of `boxes`; tighter, for literals that share coordinates, in those."""
-    common = EVERYTHING
-    for box in boxes:
-        common = intersected(common, box)
-    for leaves in in_one_frame(part):
-        common = intersected(common, transformed(*local_box(leaves, leaf_boxes, complement=complement)))
-    return common
-
-
-def in_one_frame(part: Part) -> list[list[Leaf]]:
-    """The literals among a part's operands that have their local coordinates in common, where there are several."""
-    frames: dict[int, list[Leaf]] = {}
-    for one in part.parts:
-        if one.leaf:
-            frames.setdefault(id(one.leaf.matrix), []).append(one.leaf)
-    return [leaves for leaves in frames.values() if len(leaves) > 1]
-
-
-def local_box(leaves: Sequence[Leaf], leaf_boxes: LeafBoxes, *, complement: bool = False) -> tuple[Box, np.ndarray]:
-    """The box around what lies in all of `leaves` (`complement`: around what lies in none), and the matrix from its
-    coordinates to the scene's: those that the leaves have in common, or, where it has no bounds in these, such as are
-    turned along the axes of one of the quadrics (those of a slanting cylinder between planes).
-    """
-    matrix = leaves[0].matrix
-    quadrics, planes = (_insides(leaves, kind, complement=complement) for kind in (QUADRIC, PLANE))
-    box = joint_box([leaf_boxes(leaf)[3 if complement else 2] for leaf in leaves], quadrics, planes)
-    if is_bounded(box) or not quadrics:
-        return box, matrix
-    for turn in principal_axes(np.array(quadrics)):
-        turned = [turn.T @ quadric @ turn for quadric in quadrics], [plane @ turn for plane in planes]
-        boxes = [*quadric_boxes(np.array(turned[0])), *plane_boxes(np.array(turned[1]).reshape(-1, 4))]
-        along = joint_box([tuple(one.tolist()) for one in boxes], *turned)
-        if is_bounded(along):
-            return along, matrix @ turn
-    return box, matrix
-
-
-def _insides(leaves: Sequence[Leaf], kind: str, *, complement: bool) -> list[np.ndarray]:
-    """The values of all surfaces of a kind, their signs such that what counts is where they are negative."""
-    return [
-        negated(np.asarray(leaf.values)) if leaf.inverted != complement else np.asarray(leaf.values)
-        for leaf in leaves
-        if leaf.kind == kind
-    ]
 
 
 def _longest_first(parts: list[Part]) -> tuple[list[Part], int]:
@@ -203,182 +104,124 @@ def _longest_first(parts: list[Part]) -> tuple[list[Part], int]:
     return ordered, max(ordered[0].waiting, rest)
 
 
-# --- tokens -----------------------------------------------------------------------------------------------------------
+# --- boxes ------------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Tokens:
-    """The tokens of all formulas, a list of each field, and the boxes to which they point.
+class Placed(Protocol):
+    """The literals of n formulas of one form, in their places."""
 
-    A literal's operand, attribute and matrix are those of its leaf: `leaves` has the row of each.
-    """
-
-    operator: list[int] = field(default_factory=list)
-    operand: list[int] = field(default_factory=list)
-    skip: list[int] = field(default_factory=list)
-    rank: list[int] = field(default_factory=list)
-    ranked: list[int] = field(default_factory=list)
-    bounds: list[Box] = field(default_factory=list)
-    leaves: list[tuple[int, Leaf]] = field(default_factory=list)
-
-    def __len__(self) -> int:
-        return len(self.operator)
-
-    def write(self, root: Part, is_local: Callable[[Leaf], bool]) -> tuple[int, int]:
-        """Append the tokens of a formula with boxes; its first row, and that after its last.
-
-        SceneError where operators would have to wait for more others than readers can keep.
+    def boxes(self, literal: Literal) -> np.ndarray:
+        """The boxes around one of them and around its complement, in the scene's coordinates; and the same in its own:
+        (4, n, 6).
         """
-        if root.waiting > DEEPEST:
-            expected, found = f"at most {DEEPEST} operators that wait for one another", str(root.waiting)
-            raise SceneError(str(Diagnostic("a formula is too deep", None, expected, found)))
-        return _Writer(self, is_local).write(root)
 
-    def append(self, operator: int, operand: int = -1, rank: int = -1) -> int:
-        """Append one token; its row."""
-        self.operator.append(operator)
-        self.operand.append(operand)
-        self.skip.append(-1)
-        self.rank.append(rank)
-        self.ranked.append(-1)
-        return len(self.operator) - 1
+    def surfaces(self, literals: Sequence[Literal]) -> np.ndarray:
+        """The local coefficients of k planes, (k, n, 4), or of k quadrics, (k, n, 4, 4), signs as they are given."""
 
-    def box(self, box: Box) -> int:
-        """The index among `bounds` of a box, -1 for one that is not bounded."""
-        if not is_bounded(box):
-            return -1
-        self.bounds.append(box)
-        return len(self.bounds) - 1
+    def matrices(self, literal: Literal) -> np.ndarray:
+        """From the coordinates of one of them to the scene's, (n, 4, 4)."""
 
 
-class _Writer:
-    """Writes one formula. `ends` holds, for each operator that is open, the rows from which its END is reached."""
-
-    def __init__(self, tokens: Tokens, is_local: Callable[[Leaf], bool]) -> None:
-        self.tokens = tokens
-        self.is_local = is_local
-        self.ends: list[list[int]] = []
-        self.steps: list[Callable[[], None]] = []
-
-    def write(self, root: Part) -> tuple[int, int]:
-        tokens, first, begun = self.tokens, len(self.tokens), len(self.tokens.leaves)
-        self.ends.append([])
-        self.steps.append(partial(self.operands, [root] if root.leaf else grouped(root), root.is_union, first))
-        while self.steps:
-            self.steps.pop()()
-        self.reach_end(len(tokens))
-        # Operands that never matter have been left out: the others are ranked anew.
-        rows = sorted((row for row, _ in tokens.leaves[begun:]), key=tokens.rank.__getitem__)
-        for rank, row in enumerate(rows):
-            tokens.rank[row], tokens.ranked[first + rank] = rank, row
-        return first, len(tokens)
-
-    def operands(self, members: Sequence[Part | Group], in_union: bool, begin: int) -> None:
-        """Write the operands of an operator whose first would stand in row `begin`."""
-        for member in reversed(members):
-            kind = self.group if isinstance(member, Group) else self.literal if member.leaf else self.operator
-            self.steps.append(partial(kind, member, in_union, begin))  # type: ignore[arg-type]
-
-    def literal(self, part: Part, in_union: bool, begin: int) -> None:
-        leaf = part.leaf
-        assert leaf is not None
-        flags = INVERTED * leaf.inverted | UNION * in_union | LOCAL * self.is_local(leaf)
-        row = self.tokens.append(LITERAL | flags, rank=part.rank)
-        self.tokens.leaves.append((row, leaf))
-        self.ends[-1].append(row)
-
-    def group(self, group: Group, in_union: bool, begin: int) -> None:
-        row = self.tokens.append(GROUP | UNION * in_union | INVERTED * (not in_union), self.tokens.box(group.box))
-        self.steps.append(partial(self.pass_over, row))
-        self.operands(group.members, in_union, row + 1 if row == begin else begin)
-
-    def pass_over(self, row: int) -> None:
-        """What stands in `row` is passed over to the row that comes next."""
-        self.tokens.skip[row] = len(self.tokens)
-
-    def operator(self, part: Part, in_union: bool, begin: int) -> None:
-        tokens = self.tokens
-        has_box = is_bounded(part.box)
-        saved = SAVED * (len(tokens) != begin)
-        flags = UNION * in_union | OPENS_UNION * part.is_union | saved | INVERTED * (not has_box)
-        row = tokens.append(OPERATOR | flags, tokens.box(part.box if has_box else part.gap))
-        self.ends.append([])
-        self.steps += [partial(self.pass_over, row), partial(self.close, UNION * in_union | saved)]
-        self.operands(grouped(part), part.is_union, row + 1)
-
-    def close(self, flags: int) -> None:
-        row = self.tokens.append(END | flags)
-        self.reach_end(row)
-        self.ends[-1].append(row)
-
-    def reach_end(self, end: int) -> None:
-        for row in self.ends.pop():
-            self.tokens.skip[row] = end
+def with_boxes(root: Part, placed: Placed) -> Part:
+    """`root`, the `boxes`, `gaps` and `states` of every part found, from the literals up."""
+    for part in parents_last(root):
+        if part.leaf:
+            part.boxes, part.gaps = placed.boxes(part.leaf)[:2]
+            continue
+        boxes, gaps = np.stack([one.boxes for one in part.parts]), np.stack([one.gaps for one in part.parts])
+        if part.is_union:
+            part.boxes, part.gaps = united(boxes), _common(part, gaps, placed, complement=True)
+        else:
+            part.boxes, part.gaps = _common(part, boxes, placed, complement=False), united(gaps)
+        part.states = states_of(boxes if part.is_union else gaps)
+    return root
 
 
-# --- groups -----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Group:
-    """Operands of one operator which lie together: beyond the box none of them matters."""
-
-    box: Box
-    members: Sequence[Part | Group]
-
-
-def grouped(part: Part) -> Sequence[Part | Group]:
-    """The operands of an operator, those that have boxes in a tree of groups, behind all others.
-
-    What matters of a union's operand is the box around it, of an intersection's that around its complement; where that
-    is empty the operand is left out.
+def around_literals(root: Part) -> Iterator[tuple[Literal, np.ndarray]]:
+    """Of each literal the boxes (n, 6) of the smallest part of its formula that has bounds, or whose complement has;
+    EVERYTHING where none has. The boxes of `root` have been found.
     """
-    others = [one for one in part.parts if (one.box if part.is_union else one.gap) != EMPTY]
-    first = [others.pop(0)] if others and others[0].waiting else []
-    boxes = [one.box if part.is_union else one.gap for one in others]
-    bounded = [i for i, box in enumerate(boxes) if is_bounded(box)]
-    loose = [one for one, box in zip(others, boxes, strict=True) if not is_bounded(box)]
-    if len(bounded) <= GROUP_SIZE:
-        return [*first, *loose, *(others[i] for i in bounded)]
-    return [*first, *loose, _group(np.array(bounded), np.array(boxes), others)]
+    waiting = [(root, np.tile(EVERYTHING, (len(root.boxes), 1)))]
+    while waiting:
+        part, around = waiting.pop()
+        for boxes in (part.gaps, part.boxes):
+            around = np.where(np.isfinite(boxes).all(axis=1)[:, None], boxes, around)
+        if part.leaf:
+            yield part.leaf, around
+        waiting += [(one, around) for one in part.parts]
 
 
-def _group(indices: np.ndarray, boxes: np.ndarray, parts: Sequence[Part]) -> Part | Group:
-    """A tree of groups over the parts `indices`, halved again and again."""
-    if len(indices) == 1:
-        return parts[indices[0]]
-    mine = boxes[indices]
-    box: Box = (*mine[:, :3].min(axis=0).tolist(), *mine[:, 3:].max(axis=0).tolist())  # type: ignore[assignment]
-    if len(indices) <= GROUP_SIZE:
-        return Group(box, [parts[i] for i in indices])
-    left = _left_half(mine, np.array(box))
-    return Group(box, [_group(indices[left], boxes, parts), _group(indices[~left], boxes, parts)])
+def states_of(boxes: np.ndarray) -> np.ndarray:
+    """What matters of operands, as their boxes (..., 6) tell: VOID, CLOSED or LOOSE, (...)."""
+    states = np.where(np.isfinite(boxes).all(axis=-1), CLOSED, LOOSE).astype(np.uint8)
+    states[is_empty(boxes)] = VOID
+    return states
 
 
-def _left_half(boxes: np.ndarray, around: np.ndarray) -> np.ndarray:
-    """Which boxes go into the first of two groups: by the surface area heuristic over all cuts between their middles.
+def _common(part: Part, boxes: np.ndarray, placed: Placed, *, complement: bool) -> np.ndarray:
+    """Around what lies in all of `boxes` (k, n, 6); for literals that share coordinates tighter, in those."""
+    common = intersected(boxes)
+    for literals in in_one_frame(part):
+        common = intersected(np.stack([common, transformed(*local_boxes(literals, placed, complement=complement))]))
+    return common
 
-    Boxes that reach all the way through the whole along different axes are parted by that axis first, since cuts
-    across would leave each of them on both sides.
+
+def in_one_frame(part: Part) -> list[list[Literal]]:
+    """The literals among a part's operands that have their local coordinates in common, where there are several."""
+    frames: dict[int, list[Literal]] = {}
+    for one in part.parts:
+        if one.leaf:
+            frames.setdefault(one.leaf.frame, []).append(one.leaf)
+    return [literals for literals in frames.values() if len(literals) > 1]
+
+
+def local_boxes(
+    literals: Sequence[Literal], placed: Placed, *, complement: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """The boxes (n, 6) around what lies in all of `literals` (`complement`: around what lies in none), and the matrices
+    (n, 4, 4) from their coordinates to the scene's: those that the literals have in common, or, where they have no
+    bounds in these, such as are turned along the axes of one of the quadrics (those of a slanting cylinder between
+    planes).
     """
-    size = boxes[:, 3:] - boxes[:, :3]
-    spans = size >= 0.9 * (around[3:] - around[:3])
-    only = np.where(spans.sum(axis=1) == 1, spans.argmax(axis=1), -1)
-    if (only >= 0).all() and (only != only[0]).any():
-        return only == only[0]
-    best, chosen = np.inf, np.arange(len(boxes)) < len(boxes) // 2
-    for axis in range(3):
-        order = np.argsort(boxes[:, axis] + boxes[:, axis + 3], kind="stable")
-        areas = _areas(boxes[order])[:-1] + _areas(boxes[order][::-1])[::-1][1:]
-        cut = int(areas.argmin())
-        if areas[cut] < best:
-            best, chosen = areas[cut], np.zeros(len(boxes), bool)
-            chosen[order[: cut + 1]] = True
-    return chosen
+    matrices = placed.matrices(literals[0])
+    quadrics, planes = (_insides(literals, kind, placed, complement=complement) for kind in (QUADRIC, PLANE))
+    boxes = np.stack([placed.boxes(literal)[3 if complement else 2] for literal in literals])
+    found = joint_boxes(boxes, quadrics, planes)
+    loose = np.flatnonzero(~is_bounded(found))
+    tried = np.zeros(len(found), np.intp)
+    for quadric in quadrics:
+        loose = loose[tried[loose] < MOST_TURNS]
+        if not len(loose):
+            break
+        closes, turns = principal_axes(quadric[loose])
+        rows = loose[closes]
+        tried[rows] += 1
+        along = _turned_boxes(quadrics[:, rows], planes[:, rows], turns)
+        fits = is_bounded(along)
+        found[rows[fits]], matrices[rows[fits]] = along[fits], matrices[rows[fits]] @ turns[fits]
+        loose = np.setdiff1d(loose, rows[fits], assume_unique=True)
+    return found, matrices
 
 
-def _areas(boxes: np.ndarray) -> np.ndarray:
-    """Surface times number of the first 1, 2, ... boxes."""
-    size = np.maximum.accumulate(boxes[:, 3:]) - np.minimum.accumulate(boxes[:, :3])
-    area = size[:, 0] * size[:, 1] + size[:, 1] * size[:, 2] + size[:, 2] * size[:, 0]
-    return area * np.arange(1, len(boxes) + 1)
+def _turned_boxes(quadrics: np.ndarray, planes: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """The boxes (n, 6) around what lies in quadrics (q, n, 4, 4) and planes (p, n, 4), in coordinates that are `turns`
+    (n, 4, 4) from theirs.
+    """
+    quadrics = turns.swapaxes(1, 2) @ quadrics @ turns
+    planes = (planes[:, :, None, :] @ turns)[:, :, 0]
+    boxes = [
+        quadric_boxes(quadrics.reshape(-1, 4, 4)).reshape(*quadrics.shape[:2], 6),
+        plane_boxes(planes.reshape(-1, 4)).reshape(*planes.shape[:2], 6),
+    ]
+    return joint_boxes(np.concatenate(boxes), quadrics, planes)
+
+
+def _insides(literals: Sequence[Literal], kind: str, placed: Placed, *, complement: bool) -> np.ndarray:
+    """The surfaces of a kind, as `Placed.surfaces`, their signs such that what counts is where they are negative."""
+    mine = [literal for literal in literals if literal.kind == kind]
+    if not mine:
+        return np.zeros((0, len(placed.matrices(literals[0])), *SHAPES[kind]))
+    surfaces = placed.surfaces(mine)
+    turned = [literal.inverted != complement for literal in mine]
+    surfaces[turned] = negated(surfaces[turned], kind)
+    return surfaces

@@ -7,13 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from tasuki.scene.csg import QUADRIC, Leaf, Tree
-from tasuki.scene.flatten import OBJECT, Flat, FlatObject
+from tasuki.scene.csg import QUADRIC, FlatObjects, Form, Literal, Literals
+from tasuki.scene.flatten import OBJECT, Flat
 from tasuki.scene.kinds import OBJECT as OBJECT_KIND
 from tasuki.scene.kinds import lookup, record_dtype
-from tasuki.scene.objects import FAR, SLACK, Objects
+from tasuki.scene.objects import SLACK, Objects
+from tasuki.scene.placing import FAR
+from tasuki.scene.problem import Path
 from tasuki.scene.shapes import CONE, NO_FRAME, POLYGON, SPHERE, Shapes, positions_of
 from tasuki.scene.surfaces import TOLERANCE
+from tasuki.scene.transforms import IDENTITY
 
 TOUCHING = 1e-6
 """Boxes no farther apart, as a share of the scene's size, are taken to touch."""
@@ -26,20 +29,17 @@ def with_shared_spheres(flat: Flat, size: float) -> Flat:
     spheres = flat.shapes.spheres
     if not len(spheres):
         return flat
-    literals = [ball for one in flat.objects for ball in _balls(one.root)]
+    balls = _balls(flat.objects.literals, flat.frames)
     features = np.column_stack([spheres.centre, spheres.radius])
     shared = _in_one_place(flat, features)
     order = np.argsort(features[:, 0])
-    for ball in literals:
-        first, end = np.searchsorted(features[order, 0], [ball[0] - TOLERANCE * size, ball[0] + TOLERANCE * size])
-        near = order[first:end]
-        shared[near] |= (np.abs(features[near] - ball) <= TOLERANCE * size).all(axis=1)
+    near = [np.searchsorted(features[order, 0], balls[:, 0] + side * TOLERANCE * size) for side in (-1.0, 1.0)]
+    for ball in np.flatnonzero(near[0] < near[1]):
+        mine = order[near[0][ball] : near[1][ball]]
+        shared[mine] |= (np.abs(features[mine] - balls[ball]) <= TOLERANCE * size).all(axis=1)
     # Of a negative radius only the inside shows: a surface, no solid.
     shared &= spheres.radius > 0.0
-    if not shared.any():
-        return flat
-    made = [_as_object(flat, position) for position in np.flatnonzero(shared).tolist()]
-    return with_objects(flat, SPHERE, shared, made)
+    return with_objects(flat, SPHERE, shared, _as_objects(flat, shared)) if shared.any() else flat
 
 
 def _in_one_place(flat: Flat, features: np.ndarray) -> np.ndarray:
@@ -53,59 +53,73 @@ def _in_one_place(flat: Flat, features: np.ndarray) -> np.ndarray:
     return (count > 1)[place] & with_clear[place]
 
 
-def _balls(root: Tree) -> list[np.ndarray]:
-    """Centre and radius, (4,), of every spherical literal of a formula."""
-    found: list[np.ndarray] = []
-    waiting = [root]
-    while waiting:
-        node = waiting.pop()
-        if not isinstance(node, Leaf):
-            waiting += node.children
-        elif node.kind == QUADRIC and (ball := _ball(node)) is not None:
-            found.append(ball)
-    return found
+def _balls(literals: Literals, frames: np.ndarray) -> np.ndarray:
+    """Centre and radius, (n, 4), of all literals that are spheres in the scene."""
+    if QUADRIC not in literals.kinds:
+        return np.zeros((0, 4))
+    rows = literals.of_kind(QUADRIC)
+    values, matrices = literals.values_of(QUADRIC, rows), frames[literals.frame[rows]]
+    inverses = np.linalg.inv(matrices[:, :3, :3])
+    # What overflows here is told, with its place, when it is placed.
+    with np.errstate(all="ignore"):
+        q = inverses.swapaxes(1, 2) @ values[:, :3, :3] @ inverses
+        uneven = np.abs(q / np.abs(q).max(axis=(1, 2), keepdims=True) - np.eye(3)).max(axis=(1, 2))
+        round_ = uneven <= 1e-9
+        q, values, matrices, inverses = q[round_, 0, 0], values[round_], matrices[round_], inverses[round_]
+        shift = np.einsum("nji,nj->ni", inverses, values[:, :3, 3]) / (2.0 * q[:, None])
+        centre = np.einsum("nij,nj->ni", matrices[:, :3, :3], values[:, 3, :3]) + matrices[:, :3, 3] - shift
+        squares = values[:, 3, 3] / q + np.einsum("ni,ni->n", shift, shift)
+    return np.column_stack([centre, np.sqrt(np.maximum(squares, 0.0))])
 
 
-def _ball(leaf: Leaf) -> np.ndarray | None:
-    """Centre and radius, (4,), of a quadric that is a sphere in the scene; None of any other."""
-    values, inverse = np.asarray(leaf.values), np.linalg.inv(leaf.matrix[:3, :3])
-    q, linear = inverse.T @ values[:3, :3] @ inverse, inverse.T @ values[:3, 3]
-    largest = np.abs(q).max()
-    if largest == 0.0 or np.abs(q / largest - np.eye(3)).max() > 1e-9:
-        return None
-    shift = linear / (2.0 * q[0, 0])
-    centre = leaf.matrix[:3, :3] @ values[3, :3] + leaf.matrix[:3, 3] - shift
-    return np.append(centre, np.sqrt(max(values[3, 3] / q[0, 0] + shift @ shift, 0.0)))
+def with_objects(flat: Flat, sort: int, taken: np.ndarray, made: FlatObjects) -> Flat:
+    """The scene with the shapes of a sort, SPHERE or POLYGON, where the mask `taken` is true, as the objects `made`.
 
-
-def with_objects(flat: Flat, sort: int, taken: np.ndarray, made: Sequence[FlatObject]) -> Flat:
-    """The scene with the shapes of a sort, SPHERE or POLYGON, where the mask `taken` is true, as the objects `made`."""
+    Literals of these may be in NO_FRAME: in the scene's own coordinates.
+    """
     shapes = flat.shapes
     numbers = np.flatnonzero(flat.sorts == sort)[taken]
     order = np.argsort(np.concatenate([np.flatnonzero(flat.sorts == OBJECT), numbers]))
-    every = [*flat.objects, *made]
+    literals, frames = _in_frames(made.literals, flat.frames)
+    objects = FlatObjects.joined(flat.objects, replace(made, literals=literals)).take(order)
     sorts = flat.sorts.copy()
     sorts[numbers] = OBJECT
     kept = np.flatnonzero(~taken)
     spheres = shapes.spheres.take(kept) if sort == SPHERE else shapes.spheres
     polygons = shapes.polygons.take(kept) if sort == POLYGON else shapes.polygons
     left = Shapes(shapes.materials, sorts[sorts != OBJECT], spheres, shapes.cones, polygons, shapes.file)
-    return replace(flat, shapes=left, objects=[every[i] for i in order], sorts=sorts, positions=positions_of(sorts))
+    positions = positions_of(sorts)
+    return replace(flat, shapes=left, objects=objects, sorts=sorts, positions=positions, frames=frames)
 
 
-def _as_object(flat: Flat, position: int) -> FlatObject:
-    """A sphere as an object, in the local coordinates that it had, so that its texture stays."""
-    spheres = flat.shapes.spheres
-    centre, frame = spheres.centre[position], int(spheres.frame[position])
-    matrix = np.eye(4) if frame == NO_FRAME else flat.frames[frame]
-    values = np.zeros((4, 4))
-    values[:3, :3] = matrix[:3, :3].T @ matrix[:3, :3]
-    values[3, :3] = np.linalg.solve(matrix[:3, :3], centre - matrix[:3, 3])
-    values[3, 3] = spheres.radius[position] ** 2
-    material, node = int(spheres.material[position]), flat.shapes.node(SPHERE, position)
-    number = int(np.flatnonzero(flat.sorts == SPHERE)[position])
-    root = Leaf(QUADRIC, values, matrix, material, node)
-    return FlatObject(root, material, None, node.place, ("shapes", number))
+def _in_frames(literals: Literals, frames: np.ndarray) -> tuple[Literals, np.ndarray]:
+    """Literals of which none is in NO_FRAME, and the frames (k, 4, 4), with that of the scene's own coordinates."""
+    outside = literals.frame == NO_FRAME
+    if not outside.any():
+        return literals, frames
+    if not len(frames) or not np.array_equal(frames[-1], IDENTITY.matrix):
+        frames = np.concatenate([frames, IDENTITY.matrix[None]])
+    return replace(literals, frame=np.where(outside, len(frames) - 1, literals.frame)), frames
+
+
+def _as_objects(flat: Flat, shared: np.ndarray) -> FlatObjects:
+    """The spheres where the mask `shared` is true as objects, in the local coordinates that they had, so that their
+    textures stay.
+    """
+    positions = np.flatnonzero(shared)
+    spheres, count = flat.shapes.spheres.take(positions), len(positions)
+    to_scene = np.concatenate([flat.frames, IDENTITY.matrix[None]])[spheres.frame]
+    linear, moved = to_scene[:, :3, :3], spheres.centre - to_scene[:, :3, 3]
+    values = np.zeros((count, 4, 4))
+    values[:, :3, :3] = linear.swapaxes(1, 2) @ linear
+    values[:, 3, :3] = np.linalg.solve(linear, moved[:, :, None])[:, :, 0]
+    values[:, 3, 3] = spheres.radius**2
+    places = [flat.shapes.place(SPHERE, position) for position in positions.tolist()]
+    paths: list[Path] = [("shapes", number) for number in np.flatnonzero(flat.sorts == SPHERE)[shared].tolist()]
+    each, first, nothing = np.arange(count + 1), np.zeros(count, np.uint8), [None] * count
+    literals = Literals((QUADRIC,), (values,), places, first, each[:-1], spheres.frame, spheres.material, each[:-1])
+    forms, form = [(Literal(0, QUADRIC, 0),)], first.astype(np.int32)
+    return FlatObjects(forms, literals, form, each, spheres.material, nothing, places, paths, nothing)
 
 
 def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray, size: float) -> np.ndarray:
@@ -121,21 +135,19 @@ def media(flat: Flat, objects: Objects, quadric: int, origin: np.ndarray, size: 
     rows = np.full(len(flat.objects), -1)
     rows[objects.numbers] = np.arange(len(objects.numbers))
     neighbours = _Neighbours(boxes, TOUCHING * size)
+    mixed, is_surface = _mixed(flat.objects), [_is_surface(form) for form in flat.objects.forms]
     records = []
     for place in np.argsort(numbers, kind="stable").tolist():
         number = int(numbers[place])
         sort, position = int(flat.sorts[number]), int(flat.positions[number])
         if sort not in (SPHERE, OBJECT):
             continue
-        material = flat.shapes.spheres.material[position] if sort == SPHERE else flat.objects[position].material
+        material = (flat.shapes.spheres if sort == SPHERE else flat.objects).material[position]
         if not clear[material] or (sort == SPHERE and flat.shapes.spheres.radius[position] < 0.0):
             continue
-        if sort == OBJECT and flat.objects[position].sheet is not None:
+        if sort == OBJECT and (flat.objects.sheets[position] is not None or is_surface[flat.objects.form[position]]):
             continue
-        if sort == OBJECT and _is_surface(flat.objects[position].root):
-            continue
-        mixed = sort == OBJECT and _is_mixed(flat.objects[position].root)
-        if mixed or neighbours.meets(place):
+        if (sort == OBJECT and mixed[position]) or neighbours.meets(place):
             code = position * 32 + quadric if sort == SPHERE else int(rows[position]) * 32 + OBJECT_KIND
             records.append((boxes[place], code, material))
     return _media_records(records)
@@ -175,21 +187,17 @@ class _Neighbours:
         return bool((~apart).sum() > 1)
 
 
-def _is_surface(root: Tree) -> bool:
+def _is_surface(form: Form) -> bool:
     """Whether a formula is a surface of a user's kind, which has no inside."""
-    return isinstance(root, Leaf) and lookup(root.kind).sort == "surface"
+    return len(form) == 1 and isinstance(form[0], Literal) and lookup(form[0].kind).sort == "surface"
 
 
-def _is_mixed(root: Tree) -> bool:
-    """Whether a formula has literals of more than one material."""
-    found, waiting = set(), [root]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, Leaf):
-            found.add(node.material)
-        else:
-            waiting += node.children
-    return len(found) > 1
+def _mixed(objects: FlatObjects) -> np.ndarray:
+    """Which objects have literals of more than one material, (n,)."""
+    if not len(objects):
+        return np.zeros(0, bool)
+    low, high = (end.reduceat(objects.literals.material, objects.starts[:-1]) for end in (np.minimum, np.maximum))
+    return low != high
 
 
 def _media_records(found: Sequence[tuple[np.ndarray, int, int]]) -> np.ndarray:

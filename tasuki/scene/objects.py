@@ -1,76 +1,48 @@
-"""Objects in memory: their formulas as tokens, the surfaces of these, boxes, matrices, and the media they make.
+"""Objects in memory: their formulas as tokens, the surfaces of these, boxes, and the table of matrices.
 
-The order of work: formulas are normalised; the surfaces of all literals are placed and merged; boxes are found from
-them; tokens are written.
+The order of work: the surfaces of all literals are placed; form by form, formulas are normalised, their boxes found and
+their tokens laid out; surfaces that coincide are merged; tokens are written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from tasuki.scene import surfaces
-from tasuki.scene.bounds import EMPTY, EVERYTHING, Box, plane_boxes, quadric_boxes, transformed
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf, negated
-from tasuki.scene.formula import INVERTED, Tokens, around_literals, literals, normalised, with_boxes
-from tasuki.scene.kinds import OBJECT, PrimitiveKind, lookup, record_dtype
+from tasuki.diagnostics import Diagnostic, SceneError
+from tasuki.scene.bounds import is_empty
+from tasuki.scene.csg import PLANE, FlatObjects, Sphered
+from tasuki.scene.formula import Part, around_literals, normalised, with_boxes
+from tasuki.scene.kinds import OBJECT, PrimitiveKind, record_dtype
 from tasuki.scene.material import Material
-
-if TYPE_CHECKING:
-    from tasuki.scene.flatten import FlatObject
+from tasuki.scene.placing import FAR, Coded, PlacedLiterals, Placing, is_local
+from tasuki.scene.surfaces import Merged
+from tasuki.scene.tokens import INVERTED, Layout, layouts
 
 TWO_SIDED = 1
 UNION = 8
 SHEET = 16
 """Flags of an object, as `tasuki.modules.records` gives them."""
-FAR = 1.0e30
-"""What stands for infinity in a box."""
 SLACK = 2.0**-20
 """Of the scene's size: by how much boxes in formulas are widened, for the rounding of the slab test."""
 COST, DEAREST = 2.0, 64
 """What a literal costs to intersect, in units of a triangle's; and beyond how many literals a formula costs no more."""
+DEEPEST = 24
+"""Operators that may wait for one another."""
+AT_A_TIME = 1 << 18
+"""Literals whose boxes are found in one go: a bound on the memory that this takes."""
 
 
-def _address(matrix: np.ndarray) -> int:
-    return matrix.__array_interface__["data"][0]
-
-
-class Matrices:
-    """The matrices of local coordinates, those of the flat scene's `frames` (k, 4, 4) first, in their order.
-
-    Each is kept once, by where it lies. Row k of the table is the inverse of the k-th.
-    """
-
-    def __init__(self, frames: np.ndarray) -> None:
-        self.kept = list(frames)
-        self._by_identity: dict[int, int] = {}
-        self._by_address = {_address(matrix): number for number, matrix in enumerate(self.kept)}
-
-    def number(self, matrix: np.ndarray) -> int:
-        """The number of a matrix from local coordinates to those of the scene."""
-        number = self._by_identity.get(id(matrix))
-        if number is None:
-            number = self._by_address.setdefault(_address(matrix), len(self.kept))
-            if number == len(self.kept):
-                self.kept.append(matrix)
-            self._by_identity[id(matrix)] = number
-        return number
-
-    def to_scene(self) -> np.ndarray:
-        """All of them, (n, 4, 4)."""
-        return np.array(self.kept, np.float64).reshape(-1, 4, 4)
-
-    def records(self, origin: np.ndarray) -> np.ndarray:
-        """The table "matrices", for coordinates that count from `origin`."""
-        records = np.zeros(len(self.kept), record_dtype("Matrix"))
-        matrices = self.to_scene()
-        matrices[:, :3, 3] -= origin
-        with np.errstate(over="ignore"):
-            records["m"] = np.linalg.inv(matrices)
-        return records
+def matrix_records(frames: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """The table "matrices", of the inverses of `frames` (k, 4, 4), for coordinates that count from `origin`."""
+    records = np.zeros(len(frames), record_dtype("Matrix"))
+    matrices = frames.copy()
+    matrices[:, :3, 3] -= origin
+    with np.errstate(over="ignore"):
+        records["m"] = np.linalg.inv(matrices)
+    return records
 
 
 @dataclass(frozen=True)
@@ -116,239 +88,182 @@ class Faces:
         return Faces(**{name: np.concatenate([getattr(self, name), getattr(others, name)]) for name in names})
 
 
-class Formulas:
-    """The formulas of `objects`, with boxes, in the scene's coordinates.
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Formulas of one form: their places in `Formulas.order`, `members` (n,); the whole, with boxes; their literals."""
 
-    `numbers[i]` is the number of the i-th that is kept: opaque ones first, since where both are met at one t, what is
-    opaque shows. What is empty, or everything, is left out; `left_out` has the numbers. `boxes` (n, 6) are around those
-    that are kept.
+    members: np.ndarray
+    root: Part
+    placed: PlacedLiterals
+
+
+class Formulas:
+    """The formulas of `objects`, with boxes, in the scene's coordinates; `frames` (k, 4, 4) are the flat scene's.
+
+    `order` has their numbers, those of opaque objects first, since where both are met at one t, what is opaque shows.
+    What is empty, or everything, is left out; `left_out` has the numbers. Of the i-th that is kept `rows[i]` is the
+    place in that order, `numbers[i]` the number; `around` (n, 6) are boxes around what is kept, `boxes` no larger than
+    around the extents that users gave.
     """
 
-    def __init__(self, objects: Sequence[FlatObject], materials: Sequence[Material], matrices: Matrices) -> None:
-        self.objects = objects
-        self.materials = materials
-        transparent = np.array([materials[one.material].transmission > 0.0 for one in objects], bool)
-        order = np.argsort(transparent, kind="stable").tolist()
-        roots = [normalised(objects[number].root) for number in order]
-        leaves: list[Leaf] = []
-        # How many leaves the formulas have, up to and with each.
-        self._leaves_until: list[int] = []
-        for root in roots:
-            leaves += [part.leaf for part in literals(root) if part.leaf]
-            self._leaves_until.append(len(leaves))
-        self._order = np.array(order, np.intp)
-        self.placing = _Placing(leaves, matrices)
-        whole = [with_boxes(root, self.placing.boxes) for root in roots]
-        sheets = [row for row, number in enumerate(order) if objects[number].sheet is not None]
-        for row in sheets:
-            whole[row].box = objects[order[row]].sheet.box  # type: ignore[union-attr]
-        self.placing.surround([pair for root in whole for pair in around_literals(root)])
-        kept = [row for row, root in enumerate(whole) if EMPTY not in (root.box, root.gap)]
-        self.roots = [whole[row] for row in kept]
-        self.numbers = np.array([order[row] for row in kept], np.intp)
-        self.left_out = sorted(set(order) - set(self.numbers.tolist()))
-        self.boxes = np.array([root.box for root in self.roots]).reshape(-1, 6)
-        for box, number in zip(self.boxes, self.numbers, strict=True):
-            if isinstance(objects[number].extent, tuple):
-                centre, radius = np.array(objects[number].extent[0]), objects[number].extent[1]
-                box[:3], box[3:] = np.maximum(box[:3], centre - radius), np.minimum(box[3:], centre + radius)
+    def __init__(self, objects: FlatObjects, materials: Sequence[Material], frames: np.ndarray) -> None:
+        transparent = np.array([material.transmission > 0.0 for material in materials], bool)[objects.material]
+        self.order = np.argsort(transparent, kind="stable")
+        self.objects = objects.take(self.order) if transparent.any() else objects
+        self.placing = Placing(self.objects.literals, frames)
+        self._two_sided = np.array([material.shows_both_sides() for material in materials], bool)[self.objects.material]
+        self._around = np.empty((len(self.objects.literals), 6))
+        self._inverted = np.empty(len(self.objects.literals), bool)
+        self._layouts: list[Layout] = []
+        boxes, kept = np.empty((len(objects), 6)), np.zeros(len(objects), bool)
+        for batch in self.batches():
+            boxes[batch.members] = batch.root.boxes
+            kept[batch.members] = ~(is_empty(batch.root.boxes) | is_empty(batch.root.gaps))
+            self._take(batch, np.flatnonzero(kept[batch.members]))
+        self.rows = np.flatnonzero(kept)
+        self.numbers = self.order[self.rows]
+        self.left_out = np.sort(self.order[~kept]).tolist()
+        self.around = boxes[self.rows]
+        self.boxes = _within_extents(self.around.copy(), [self.objects.extents[row] for row in self.rows.tolist()])
+
+    def batches(self) -> Iterator[Batch]:
+        """All formulas, those of one form together unless they are too many, with boxes."""
+        waiting, count = [], 0
+        for members in self.objects.by_form():
+            size = int(self.objects.sizes[members[0]])
+            step = max(1, AT_A_TIME // size)
+            for first in range(0, len(members), step):
+                waiting.append(members[first : first + step])
+                count += size * len(waiting[-1])
+                if count >= AT_A_TIME:
+                    yield from self._with_boxes(waiting)
+                    waiting, count = [], 0
+        yield from self._with_boxes(waiting)
+
+    def _with_boxes(self, groups: Sequence[np.ndarray]) -> Iterator[Batch]:
+        """Formulas with boxes; those of their literals are found for all `groups`, each of one form, at once."""
+        starts, sizes = self.objects.starts, self.objects.sizes
+        rows = [starts[members] + np.arange(sizes[members[0]])[:, None] for members in groups]
+        ends = np.cumsum([one.size for one in rows]).tolist()
+        boxes = self.placing.boxes(np.concatenate([one.reshape(-1) for one in rows])) if rows else np.zeros((4, 0, 6))
+        for members, mine, end in zip(groups, rows, ends, strict=True):
+            placed = PlacedLiterals(self.placing, mine, boxes[:, end - mine.size : end].reshape(4, *mine.shape, 6))
+            root = with_boxes(normalised(self.objects.forms[self.objects.form[members[0]]]), placed)
+            for row, number in enumerate(members.tolist()):
+                if sheet := self.objects.sheets[number]:
+                    root.boxes[row] = sheet.box
+            yield Batch(members, root, placed)
+
+    def merged(self, size: float) -> dict[str, Merged]:
+        """The surfaces of all literals, by kind, those merged that coincide in a scene of `size`."""
+        return self.placing.merged(self._around, size)
 
     def faces(self) -> Faces:
         """The planes of all literals."""
-        rows, planes, boxes = self.placing.planes()
-        sides = np.array([self.materials[one.material].shows_both_sides() for one in self.objects], bool)
-        return Faces(planes, boxes, sides[self._owners(rows)])
+        if PLANE not in self.placing.placed:
+            return Faces(np.zeros((0, 4)), np.zeros((0, 6)), np.zeros(0, bool))
+        rows = self.placing.rows[PLANE]
+        planes = np.where(self._inverted[rows, None], -1.0, 1.0) * self.placing.placed[PLANE].values
+        return Faces(planes, self._around[rows], self._two_sided[self._owners(rows)])
 
-    def _owners(self, leaves: np.ndarray) -> np.ndarray:
-        """The numbers of the objects to which leaves belong, given their rows."""
-        return self._order[np.searchsorted(self._leaves_until, leaves, side="right")]
+    def _owners(self, literals: np.ndarray) -> np.ndarray:
+        """The places of the objects to which literals belong, given their rows."""
+        return np.searchsorted(self.objects.starts, literals, side="right") - 1
 
     def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> Objects:
         """The tables, for coordinates that count from `origin`, of a scene of `size`, the camera's place included.
 
         `standing`: how many primitives of each kind, by name, stand alone, and so before the literals' surfaces.
+        SceneError where operators would have to wait for more others than readers can keep.
         """
-        surfaces_, merged = self.placing.lower(origin, size, standing)
-        tokens = Tokens()
-        spans = [tokens.write(root, lambda leaf: leaf.kind not in (PLANE, QUADRIC)) for root in self.roots]
+        deepest = max((layout.waiting for layout in self._layouts), default=0)
+        if deepest > DEEPEST:
+            expected = f"at most {DEEPEST} operators that wait for one another"
+            raise SceneError(str(Diagnostic("a formula is too deep", None, expected, str(deepest))))
+        merged = self.merged(size)
+        coded = self.placing.tables(merged, origin, standing)
         boxes = self.boxes - np.tile(origin, 2)
+        first = _starts(len(self.objects), [(layout.members, len(layout)) for layout in self._layouts])
         tables = {
-            "objects": self._records(spans, boxes),
-            "tokens": _token_records(tokens, self.placing),
-            "bounds": _bounds_records(tokens.bounds, origin, SLACK * size),
-            **surfaces_,
+            "objects": self._records(first, boxes),
+            "tokens": self._token_records(first, coded),
+            "bounds": self._bounds_records(origin, SLACK * size),
+            **coded.tables,
         }
-        costs = COST * np.minimum([len(literals(root)) for root in self.roots], DEAREST).astype(np.float32)
-        thin = np.unique(self._owners(np.flatnonzero(self.placing.thin)))
-        kinds, count = tuple(self.placing.kinds), len(self.placing.row)
-        return Objects(tables, kinds, self.numbers, boxes, costs, count, merged, thin)
+        costs = COST * np.minimum(self.objects.sizes[self.rows], DEAREST).astype(np.float32)
+        lost = sum(len(one.number) - len(one.first) for one in merged.values())
+        thin = np.unique(self.order[self._owners(np.flatnonzero(coded.thin))])
+        kinds, count = tuple(self.placing.kinds), len(self.objects.literals)
+        return Objects(tables, kinds, self.numbers, boxes, costs, count, lost, thin)
 
-    def _records(self, spans: Sequence[tuple[int, int]], boxes: np.ndarray) -> np.ndarray:
-        records = np.zeros(len(spans), record_dtype("Object"))
-        media = [self.objects[number].material for number in self.numbers]
-        sides = np.array([self.materials[medium].shows_both_sides() for medium in media], bool)
-        unions = np.array([root.is_union for root in self.roots], bool)
+    def _records(self, first: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+        records = np.zeros(len(self.numbers), record_dtype("Object"))
+        unions = np.zeros(len(self.objects), bool)
+        for layout in self._layouts:
+            unions[layout.members] = layout.is_union
+        media, two_sided = self.objects.material[self.rows], self._two_sided[self.rows]
         records["kind"], records["attribute"], records["matrix"] = OBJECT, media, -1
-        records["flags"] = np.where(sides, TWO_SIDED, 0) + np.where(unions, UNION, 0)
-        for row, number in enumerate(self.numbers.tolist()):
-            if sheet := self.objects[number].sheet:
+        records["flags"] = np.where(two_sided, TWO_SIDED, 0) + np.where(unions[self.rows], UNION, 0)
+        for row, number in enumerate(self.rows.tolist()):
+            if sheet := self.objects.sheets[number]:
                 records["flags"][row] = SHEET + TWO_SIDED * sheet.two_sided
-        records["first"], records["end"] = np.array(spans, np.int32).reshape(-1, 2).T
+        records["first"], records["end"] = first[self.rows], first[self.rows + 1]
         records["low"], records["high"] = np.clip(boxes[:, :3], -FAR, FAR), np.clip(boxes[:, 3:], -FAR, FAR)
         return records
 
+    def _token_records(self, first: np.ndarray, coded: Coded) -> np.ndarray:
+        records = np.zeros(first[-1], record_dtype("Token"))
+        records["attribute"] = records["matrix"] = -1
+        first_box = self._first_boxes()
+        literals = self.objects.literals
+        for layout in self._layouts:
+            begin = first[layout.members, None]
+            rows = begin + np.arange(len(layout))
+            for name, column in layout.columns.items():
+                before = {"operand": first_box[layout.members, None], "skip": begin, "ranked": begin}.get(name, 0)
+                records[name][rows] = np.where(column >= 0, column + before, -1)
+            leaves, mine = begin + layout.leaves, self.objects.starts[layout.members, None] + layout.literals
+            records["operand"][leaves] = coded.codes[mine]
+            records["operator"][leaves] ^= np.where(coded.turned[mine], INVERTED, 0).astype(np.int32)
+            records["attribute"][leaves], records["matrix"][leaves] = literals.material[mine], literals.frame[mine]
+        return records
 
-class _Placing:
-    """The leaves of all formulas in the scene: of each the boxes around it, and at last its surface's code."""
+    def _bounds_records(self, origin: np.ndarray, slack: float) -> np.ndarray:
+        first = self._first_boxes()
+        boxes = np.empty((first[-1], 6))
+        for layout in self._layouts:
+            boxes[first[layout.members] + np.arange(len(layout.boxes))[:, None]] = layout.boxes
+        boxes -= np.tile(origin, 2)
+        records = np.zeros(len(boxes), record_dtype("Bounds"))
+        records["low"], records["high"] = boxes[:, :3] - slack, boxes[:, 3:] + slack
+        return records
 
-    def __init__(self, leaves: Sequence[Leaf], matrices: Matrices) -> None:
-        self.row = {id(leaf): row for row, leaf in enumerate(leaves)}
-        self.matrix = np.array([matrices.number(leaf.matrix) for leaf in leaves], np.int64)
-        self.inverted = np.array([leaf.inverted for leaf in leaves], bool)
-        # The leaves of one solid stand together.
-        nodes = np.array([id(leaf.solid) for leaf in leaves], np.int64)
-        alone = (nodes == id(None)) | (np.diff(nodes, prepend=0) != 0) | (np.diff(self.matrix, prepend=-1) != 0)
-        self.solids = np.cumsum(alone)
-        self.thin = np.zeros(len(leaves), bool)
-        self.codes = np.zeros(len(leaves), np.int64)
-        self.turned = np.zeros(len(leaves), bool)
-        self.rows = surfaces.kinds_of(leaves)
-        self.kinds = [lookup(name) for name in self.rows]
-        self.placed: dict[str, surfaces.Placed] = {}
-        self.kept: dict[str, np.ndarray] = {}
-        # Of each leaf four boxes, (n, 4, 6), as `formula.LeafBoxes` has them.
-        self._boxes = np.empty((len(leaves), 4, 6))
-        self._around = np.tile(np.array(EVERYTHING), (len(leaves), 1))
-        to_scene = matrices.to_scene()
-        inverses = np.linalg.inv(to_scene)
-        for kind in self.kinds:
-            rows = self.rows[kind.name]
-            mine, numbers = [leaves[row] for row in rows], self.matrix[rows]
-            if kind.name in (PLANE, QUADRIC):
-                self.placed[kind.name] = surfaces.placed(mine, kind.name, inverses[numbers], to_scene[numbers])
-                self._find_boxes(kind, mine)
-            else:
-                self._keep(kind, mine, to_scene[numbers])
+    def _first_boxes(self) -> np.ndarray:
+        """Of every object the first of its boxes in the table "bounds"."""
+        return _starts(len(self.objects), [(layout.members, len(layout.boxes)) for layout in self._layouts])
 
-    def boxes(self, leaf: Leaf) -> tuple[Box, Box, Box, Box]:
-        """As `formula.LeafBoxes` says."""
-        box, gap, local_box, local_gap = map(tuple, self._boxes[self.row[id(leaf)]].tolist())
-        return box, gap, local_box, local_gap
-
-    def placed_surfaces(self, size: float) -> Callable[[Leaf], np.ndarray]:
-        """What gives the coefficients of a plane or quadric in a scene of `size`, as in `Leaf.values`: the same for all
-        leaves whose surfaces are merged, but for the sign.
-        """
-        classes = {name: self._classes(name, size) for name in self.placed}
-        places = {name: {row: place for place, row in enumerate(self.rows[name].tolist())} for name in self.placed}
-
-        def surface(leaf: Leaf) -> np.ndarray:
-            place, mine = places[leaf.kind][self.row[id(leaf)]], classes[leaf.kind]
-            values = self.placed[leaf.kind].values[mine.first[mine.number[place]]]
-            return negated(values) if mine.turned[place] else values
-
-        return surface
-
-    def planes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the leaves that are planes: their rows (n,), the planes (n, 4) with what is OUT before them, and the boxes
-        (n, 6) around what they bound.
-        """
-        if PLANE not in self.placed:
-            return np.zeros(0, np.intp), np.zeros((0, 4)), np.zeros((0, 6))
-        rows = self.rows[PLANE]
-        planes = np.where(self.inverted[rows, None], -1.0, 1.0) * self.placed[PLANE].values
-        return rows, planes, self._around[rows]
-
-    def surround(self, around: Sequence[tuple[Leaf, Box]]) -> None:
-        """Take the boxes around what the leaves bound, as `formula.around_literals` has them."""
-        for leaf, box in around:
-            self._around[self.row[id(leaf)]] = box
-
-    def lower(self, origin: np.ndarray, size: float, standing: Mapping[str, int]) -> tuple[dict[str, np.ndarray], int]:
-        """The tables of all kinds of surfaces, by name, and how many surfaces were merged with others."""
-        tables, merged = {}, 0
-        for kind in self.kinds:
-            rows, first = self.rows[kind.name], standing.get(kind.name, 0)
-            if kind.name in self.kept:
-                self.codes[rows] = (first + np.arange(len(rows))) * 32 + kind.number
-                tables[kind.table_name] = self.kept[kind.name]
-                continue
-            classes = self._classes(kind.name, size)
-            merged += len(rows) - len(classes.first)
-            self.codes[rows] = (first + classes.number) * 32 + kind.number
-            self.turned[rows] = classes.turned
-            self.thin[rows] = classes.thin
-            records = np.zeros(len(classes.first), kind.record.numpy_dtype())
-            records["kind"], records["attribute"], records["matrix"] = kind.number, 0, -1
-            tables[kind.table_name] = self.placed[kind.name].records(records, classes.first, origin)
-        return tables, merged
-
-    def _classes(self, name: str, size: float) -> surfaces.Merged:
-        merge = surfaces.merged_planes if name == PLANE else surfaces.merged_quadrics
-        rows = self.rows[name]
-        return merge(self.placed[name].values, measures(self._around[rows], size, self.solids[rows]))
-
-    def _find_boxes(self, kind: PrimitiveKind, leaves: Sequence[Leaf]) -> None:
-        find = plane_boxes if kind.name == PLANE else quadric_boxes
-        placed, local = self.placed[kind.name].values, np.array([leaf.values for leaf in leaves], np.float64)
-        four = np.stack([find(values) for values in (placed, negated(placed), local, negated(local))], axis=1)
-        inverted = self.inverted[self.rows[kind.name]]
-        four[inverted] = four[inverted][:, [1, 0, 3, 2]]
-        self._boxes[self.rows[kind.name]] = four
-
-    def _keep(self, kind: PrimitiveKind, leaves: Sequence[Leaf], to_scene: np.ndarray) -> None:
-        """Solids of users' kinds stay in their own coordinates; their boxes come from their own module."""
-        rows = self.rows[kind.name]
-        records = np.zeros(len(leaves), kind.record.numpy_dtype())
-        records["kind"], records["matrix"] = kind.number, self.matrix[rows]
-        for number, (row, leaf) in enumerate(zip(rows.tolist(), leaves, strict=True)):
-            assert isinstance(leaf.values, Mapping)
-            for name, value in leaf.values.items():
-                records[name][number] = value
-            local = local_box(kind, records[number])
-            box = transformed(local, to_scene[number])
-            four = (EVERYTHING, box, EVERYTHING, local) if leaf.inverted else (box, EVERYTHING, local, EVERYTHING)
-            self._boxes[row] = four
-        self.kept[kind.name] = records
+    def _take(self, batch: Batch, kept: np.ndarray) -> None:
+        """Note what is needed of a batch later: the tokens of what is `kept`, and what its literals bound."""
+        for literal, around in around_literals(batch.root):
+            self._around[batch.placed.rows[literal.number]] = around
+            self._inverted[batch.placed.rows[literal.number]] = literal.inverted
+        if len(kept):
+            for layout in layouts(batch.root, kept, lambda literal: is_local(literal.kind)):
+                self._layouts.append(replace(layout, members=batch.members[layout.members]))
 
 
-def measures(boxes: np.ndarray, size: float, solids: np.ndarray) -> surfaces.Measures:
-    """Of surfaces that bound what is within `boxes` (n, 6), in a scene of `size`, faces of the `solids` (n,).
-
-    In a large scene small things keep their own measure; what has no bounds has the scene's.
-    """
-    reach = np.abs(np.where(np.isfinite(boxes), boxes, size)).max(axis=1, initial=0.0)
-    return surfaces.Measures(np.minimum((boxes[:, 3:] - boxes[:, :3]).max(axis=1, initial=0.0), size), reach, solids)
-
-
-def local_box(kind: PrimitiveKind, record: np.void) -> Box:
-    """The box around one primitive of a user's kind, by its own module run as plain Python."""
-    fields = {name: _plain(record[name]) for name in record.dtype.names or ()}
-    low, high = kind.resolve("box")(kind.record(**fields))
-    ends = [value if abs(value) < FAR else np.copysign(np.inf, value) for value in (*low, *high)]
-    return tuple(map(float, ends))  # type: ignore[return-value]
+def _starts(count: int, sizes: Sequence[tuple[np.ndarray, int]]) -> np.ndarray:
+    """Where what each of `count` objects has begins, and the last ends, (count + 1,); `sizes` are of some each."""
+    each = np.zeros(count, np.intp)
+    for members, size in sizes:
+        each[members] = size
+    return np.concatenate([[0], np.cumsum(each)])
 
 
-def _plain(value: Any) -> Any:
-    return tuple(value.tolist()) if value.ndim else value.item()
-
-
-def _token_records(tokens: Tokens, placing: _Placing) -> np.ndarray:
-    records = np.zeros(len(tokens), record_dtype("Token"))
-    for name in ("operator", "operand", "skip", "rank", "ranked"):
-        records[name] = getattr(tokens, name)
-    records["attribute"] = records["matrix"] = -1
-    rows = np.array([row for row, _ in tokens.leaves], np.int64)
-    leaf_rows = np.array([placing.row[id(leaf)] for _, leaf in tokens.leaves], np.int64)
-    records["operand"][rows] = placing.codes[leaf_rows]
-    records["operator"][rows] ^= np.where(placing.turned[leaf_rows], INVERTED, 0).astype(np.int32)
-    records["attribute"][rows] = [leaf.material for _, leaf in tokens.leaves]
-    records["matrix"][rows] = placing.matrix[leaf_rows]
-    return records
-
-
-def _bounds_records(boxes: Sequence[Box], origin: np.ndarray, slack: float) -> np.ndarray:
-    records = np.zeros(len(boxes), record_dtype("Bounds"))
-    values = np.array(boxes, np.float64).reshape(-1, 6) - np.tile(origin, 2)
-    records["low"], records["high"] = values[:, :3] - slack, values[:, 3:] + slack
-    return records
+def _within_extents(boxes: np.ndarray, extents: Sequence[Sphered]) -> np.ndarray:
+    """Boxes (n, 6), no larger than around the extents that users gave."""
+    for box, extent in zip(boxes, extents, strict=True):
+        if isinstance(extent, tuple):
+            centre, radius = np.array(extent[0]), extent[1]
+            box[:3], box[3:] = np.maximum(box[:3], centre - radius), np.minimum(box[3:], centre + radius)
+    return boxes

@@ -13,7 +13,7 @@ import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene import extents
-from tasuki.scene.check import problems
+from tasuki.scene.check import checked
 from tasuki.scene.collector import collector_paused
 from tasuki.scene.flatten import Flat, flatten
 from tasuki.scene.kinds import MOST_KINDS, PrimitiveKind, lookup, record_dtype
@@ -22,7 +22,7 @@ from tasuki.scene.material import Material, Vector
 from tasuki.scene.meetings import media, with_shared_spheres
 from tasuki.scene.memory import Memory, MemoryBuilder
 from tasuki.scene.model import DirectionalLight, Light, Scene, default_intensity
-from tasuki.scene.objects import Formulas, Matrices, Objects
+from tasuki.scene.objects import Formulas, Objects, matrix_records
 from tasuki.scene.problem import dotted
 from tasuki.scene.sheets import with_sheets
 from tasuki.scene.source import scene_error
@@ -92,18 +92,17 @@ def pack(scene: Scene) -> Packed:
 
 
 def _pack(scene: Scene) -> Packed:
-    found = problems(scene)
+    found, walk = checked(scene)
     if found:
         described = (f"the scene's {problem.dotted}: {problem.message}" for problem in found)
         diagnostics = zip(described, found, strict=True)
         raise scene_error(Diagnostic(text, None, problem.expected, problem.found) for text, problem in diagnostics)
-    flat = flatten(scene)
-    matrices = Matrices(flat.frames)
-    formulas = Formulas(flat.objects, flat.materials, matrices)
+    flat = flatten(scene, walk)
+    formulas = Formulas(flat.objects, flat.materials, flat.frames)
     middle, size = _middle_and_size(flat, formulas.boxes, scene.camera.eye)
     shared = with_shared_spheres(with_sheets(flat, formulas, size), size)
     if shared is not flat:
-        flat, formulas = shared, Formulas(shared.objects, flat.materials, matrices)
+        flat, formulas = shared, Formulas(shared.objects, flat.materials, shared.frames)
     origin = local_origin(middle, size)
     _verify_size(flat, size)
     primitives = tuple(lower(flat, origin))
@@ -112,7 +111,7 @@ def _pack(scene: Scene) -> Packed:
     textures = lower_textures(flat.materials)
     for name, records in [*_records(flat, primitives, objects).items(), *textures.tables.items()]:
         builder.add(name, records)
-    builder.add("matrices", _verified("matrix", matrices.records(origin)))
+    builder.add("matrices", _verified("matrix", matrix_records(flat.frames, origin)))
     builder.add("media", media(flat, objects, lookup("quadric").number, origin, size))
     attributes = _attributes(flat.materials, textures.codes, len(scene.lights))
     builder.add("attributes", _verified("material", attributes))
@@ -130,8 +129,8 @@ def _warnings(flat: Flat, formulas: Formulas, objects: Objects) -> Iterator[str]
     """A warning for each object without a surface, or of which little can be seen."""
     for numbers, text in ((formulas.left_out, VAIN), (objects.thin.tolist(), THIN)):
         for number in numbers:
-            one = flat.objects[number]
-            yield f"{one.place or dotted(one.path)}: warning: {text}"
+            where = flat.objects.places[number] or dotted(flat.objects.paths[number])
+            yield f"{where}: warning: {text}"
 
 
 def _records(flat: Flat, primitives: Sequence[Primitives], objects: Objects) -> dict[str, np.ndarray]:

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from tasuki.scene.csg import PLANE, Branch, Leaf, Sheet
-from tasuki.scene.flatten import Flat, FlatObject
+from tasuki.scene.csg import PLANE, FlatObjects, Form, Join, Literal, Literals, Sheet
+from tasuki.scene.flatten import Flat
+from tasuki.scene.material import Vector
 from tasuki.scene.meetings import TOUCHING, with_objects
-from tasuki.scene.objects import SLACK, Faces, Formulas, measures
-from tasuki.scene.shapes import NO_FRAME, POLYGON, Polygons
+from tasuki.scene.objects import SLACK, Faces, Formulas
+from tasuki.scene.placing import measures
+from tasuki.scene.problem import Path
+from tasuki.scene.shapes import POLYGON, Polygons
 from tasuki.scene.surfaces import TOLERANCE, merged_planes
 from tasuki.scene.transforms import IDENTITY, unit
 from tasuki.scene.triangulate import triangulate
@@ -28,7 +31,7 @@ def with_sheets(flat: Flat, formulas: Formulas, size: float) -> Flat:
     Patches stay what they are, unless they are shaded like polygons: their normals vary.
     """
     polygons = flat.shapes.polygons
-    if not len(polygons) or not flat.objects:
+    if not len(polygons) or not len(flat.objects):
         return flat
     sides = np.array([[one.shows_both_sides(smooth=smooth) for one in flat.materials] for smooth in (False, True)])
     two_sided = sides[polygons.smooth.astype(int), polygons.material]
@@ -36,9 +39,7 @@ def with_sheets(flat: Flat, formulas: Formulas, size: float) -> Flat:
     found[found] = _are_flat(polygons.take(np.flatnonzero(found)))
     if not found.any():
         return flat
-    numbers = np.flatnonzero(flat.sorts == POLYGON)[found].tolist()
-    made = [_as_object(flat, *one, SLACK * size) for one in zip(numbers, two_sided[found].tolist(), strict=True)]
-    return with_objects(flat, POLYGON, found, made)
+    return with_objects(flat, POLYGON, found, _as_objects(flat, np.flatnonzero(found), two_sided[found], SLACK * size))
 
 
 def _faces_of(polygons: Polygons, two_sided: np.ndarray) -> Faces:
@@ -102,28 +103,62 @@ def _are_flat(polygons: Polygons) -> np.ndarray:
     return np.bincount(owner[out | bent], minlength=len(polygons)) == 0
 
 
-def _as_object(flat: Flat, number: int, two_sided: bool, slack: float) -> FlatObject:
-    """Thing `number`, a polygon, as an object in the local coordinates that it had, so that its texture stays."""
-    position = int(flat.positions[number])
-    polygon = flat.shapes.polygons.take(np.array([position]))
-    points, normal, frame = polygon.points, unit(polygon.area_vectors[0]), int(polygon.frame[0])
-    matrix = IDENTITY.matrix if frame == NO_FRAME else flat.frames[frame]
-    material, node = int(polygon.material[0]), flat.shapes.node(POLYGON, position)
+def _as_objects(flat: Flat, positions: np.ndarray, two_sided: np.ndarray, slack: float) -> FlatObjects:
+    """The polygons at `positions` of their batch as objects in the local coordinates that they had, so that their
+    textures stay.
+    """
+    polygons = flat.shapes.polygons
+    formulas = [_formula(polygons.take(np.array([position]))) for position in positions.tolist()]
+    forms = {form: number for number, form in enumerate(dict.fromkeys(form for form, _ in formulas))}
+    sizes = np.array([len(planes) for _, planes in formulas], np.intp)
+    owner, starts = np.repeat(np.arange(len(sizes)), sizes), np.concatenate([[0], np.cumsum(sizes)])
+    frame, material = polygons.frame[positions], polygons.material[positions]
+    to_scene = np.concatenate([flat.frames, IDENTITY.matrix[None]])[frame]
+    planes = np.einsum("ni,nij->nj", np.concatenate([planes for _, planes in formulas]), to_scene[owner])
+    places = [flat.shapes.place(POLYGON, position) for position in positions.tolist()]
+    literals = Literals(
+        (PLANE,),
+        (planes,),
+        places,
+        np.zeros(len(planes), np.uint8),
+        np.arange(len(planes)),
+        frame[owner],
+        material[owner],
+        owner,
+    )
+    form = np.array([forms[form] for form, _ in formulas], np.int32)
+    paths: list[Path] = [("shapes", number) for number in np.flatnonzero(flat.sorts == POLYGON)[positions].tolist()]
+    boxes = _boxes(polygons.take(positions), slack)
+    extents = [_around(box) for box in boxes]
+    sheets = [Sheet(tuple(box), side) for box, side in zip(boxes.tolist(), two_sided.tolist(), strict=True)]
+    return FlatObjects(list(forms), literals, form, starts, material, extents, places, paths, sheets)
 
-    def leaf(normal: np.ndarray, point: np.ndarray) -> Leaf:
-        return Leaf(PLANE, np.append(normal, -(normal @ point)) @ matrix, matrix, material, node)
 
-    def within(corners: np.ndarray) -> Branch:
-        return Branch("intersection", [leaf(across, point) for across, point in _edges(corners, normal)])
+def _boxes(polygons: Polygons, slack: float) -> np.ndarray:
+    first = polygons.starts[:-1]
+    low, high = (end.reduceat(polygons.points, first) for end in (np.minimum, np.maximum))
+    return np.column_stack([low - slack, high + slack])
 
+
+def _around(box: np.ndarray) -> tuple[Vector, float]:
+    x, y, z = ((box[:3] + box[3:]) / 2.0).tolist()
+    return (x, y, z), float(np.linalg.norm(box[3:] - box[:3])) / 2.0
+
+
+def _formula(polygon: Polygons) -> tuple[Form, np.ndarray]:
+    """The form of one polygon, and the planes (k, 4) of its literals in the scene's coordinates."""
+    points, normal = polygon.points, unit(polygon.area_vectors[0])
     beyond = max(((points - point) @ across).max() for across, point in _edges(points, normal))
     convex = beyond <= STRAIGHT * np.ptp(points)
-    parts = [within(points)] if convex else [within(points[corners]) for corners in triangulate(polygon)[0]]
-    root = Branch("intersection", [leaf(normal, points[0]), Branch("union", parts)])
-    low, high = points.min(axis=0) - slack, points.max(axis=0) + slack
-    extent = tuple(((low + high) / 2.0).tolist()), float(np.linalg.norm(high - low)) / 2.0
-    sheet = Sheet((*low.tolist(), *high.tolist()), two_sided)
-    return FlatObject(root, material, extent, node.place, ("shapes", number), sheet)
+    parts = [points] if convex else [points[corners] for corners in triangulate(polygon)[0]]
+    form: list[Join | Literal] = [Join("intersection", 2), Literal(0, PLANE, 0), Join("union", len(parts))]
+    planes = [(normal, points[0])]
+    for corners in parts:
+        edges = _edges(corners, normal)
+        form.append(Join("intersection", len(edges)))
+        form += [Literal(len(planes) + number, PLANE, 0) for number in range(len(edges))]
+        planes += edges
+    return tuple(form), np.array([np.append(across, -(across @ point)) for across, point in planes])
 
 
 def _edges(points: np.ndarray, normal: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError, Span
-from tasuki.scene.bounds import Box, is_bounded
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf, negated
+from tasuki.scene.bounds import is_bounded
+from tasuki.scene.csg import PLANE, QUADRIC, Literal, negated
 from tasuki.scene.formula import Part
 from tasuki.scene.surfaces import completed
 
@@ -32,35 +32,37 @@ MARGIN = 0.1
 class SolidMesh:
     """Triangles of one literal's surface: corners (n, 3, 3), and normals there, (n, 3, 3), zero on a plane."""
 
-    leaf: Leaf
+    literal: Literal
     corners: np.ndarray
     normals: np.ndarray
 
 
 @dataclass
 class Tessellator:
-    """Makes solids to `tolerance`, the largest distance of a chord from its surface, in the scene's unit.
+    """Makes a solid to `tolerance`, the largest distance of a chord from its surface, in the scene's unit.
 
-    `surface_of` gives the surface of a literal in the scene: coefficients as in `Leaf.values`, its sign left out.
+    `surface_of` gives the surface of a plane or quadric in the scene: coefficients as in `csg.Literals`, its sign left
+    out; `place_of` where the solid of a literal stands in its file.
     """
 
     tolerance: float
-    surface_of: Callable[[Leaf], np.ndarray]
-    leaves: dict[int, Leaf] = field(default_factory=dict)
+    surface_of: Callable[[Literal], np.ndarray]
+    place_of: Callable[[Literal], Span | None]
+    literals: dict[int, Literal] = field(default_factory=dict)
 
-    def meshes(self, root: Part, place: Span | None) -> list[SolidMesh]:
-        """The surface of an object whose formula has boxes; SceneError where it is not bounded."""
-        if not is_bounded(root.box):
+    def meshes(self, root: Part, box: np.ndarray, place: Span | None) -> list[SolidMesh]:
+        """The surface of an object around which there is `box`; SceneError where that has no bounds."""
+        if not is_bounded(box):
             hint = "cut it with a box, or draw it by ray tracing"
             message = "this object has no bounds, so it cannot be made of triangles"
             raise SceneError(str(Diagnostic(message, place, "a bounded object", "one without bounds", hint)))
-        manifold, outside = self._solid(root, _widened(root.box))
+        manifold, outside = self._solid(root, _widened(box))
         assert not outside, "the complement of what is bounded is not"
         return self._split(manifold.to_mesh64())
 
     # --- set operations -----------------------------------------------------------------------------------------------
 
-    def _solid(self, root: Part, box: Box) -> tuple[Any, bool]:
+    def _solid(self, root: Part, box: np.ndarray) -> tuple[Any, bool]:
         """A part within the box as a manifold, and whether that is what the part leaves out. Without recursion."""
         made: dict[int, tuple[Any, bool]] = {}
         waiting = [(root, False)]
@@ -74,34 +76,35 @@ class Tessellator:
                 made[id(part)] = _joined([made.pop(id(one)) for one in part.parts], is_union=part.is_union)
         return made[id(root)]
 
-    def _literal(self, leaf: Leaf, box: Box) -> tuple[Any, bool]:
-        if leaf.kind not in (PLANE, QUADRIC):
-            message = f"a {leaf.kind} cannot be made of triangles"
-            raise SceneError(str(Diagnostic(message, leaf.place, "planes and quadrics", leaf.kind)))
-        surface = self.surface_of(leaf)
-        if leaf.kind == PLANE:
-            manifold, outside = _half_space(-surface if leaf.inverted else surface, box), False
+    def _literal(self, literal: Literal, box: np.ndarray) -> tuple[Any, bool]:
+        if literal.kind not in (PLANE, QUADRIC):
+            message = f"a {literal.kind} cannot be made of triangles"
+            raise SceneError(str(Diagnostic(message, self.place_of(literal), "planes and quadrics", literal.kind)))
+        surface = self.surface_of(literal)
+        if literal.kind == PLANE:
+            manifold, outside = _half_space(-surface if literal.inverted else surface, box), False
         else:
-            manifold, outside = self._quadric(surface, box, leaf)
-            outside = outside != leaf.inverted
+            manifold, outside = self._quadric(surface, box, literal)
+            outside = outside != literal.inverted
         named = manifold.as_original()
-        self.leaves[named.original_id()] = leaf
+        self.literals[named.original_id()] = literal
         return named, outside
 
-    def _quadric(self, surface: np.ndarray, box: Box, leaf: Leaf) -> tuple[Any, bool]:
+    def _quadric(self, surface: np.ndarray, box: np.ndarray, literal: Literal) -> tuple[Any, bool]:
         """The inside of a quadric, as far as the box reaches; or, second, what it leaves out."""
         values, axes = np.linalg.eigh(surface[:3, :3])
         values[np.abs(values) < FLAT * np.abs(values).max()] = 0.0
         if (values < 0.0).sum() > 1:
-            manifold, outside = self._quadric(negated(surface), box, leaf)
+            manifold, outside = self._quadric(negated(surface, QUADRIC), box, literal)
             return manifold, not outside
         if (values > 0.0).sum() < 2:
             expected = "an ellipsoid, cylinder, cone, hyperboloid or paraboloid"
             message = "a quadric of this sort cannot be made of triangles"
-            raise SceneError(str(Diagnostic(message, leaf.place, expected, f"eigenvalues {values}")))
+            place = self.place_of(literal)
+            raise SceneError(str(Diagnostic(message, place, expected, f"eigenvalues {values}")))
         # eigh sorts: the two that are positive and nearest come last, what is left is the axis.
         values, axes = values[[2, 1, 0]], axes[:, [2, 1, 0]]
-        middle = np.array(box).reshape(2, 3).mean(axis=0)
+        middle = box.reshape(2, 3).mean(axis=0)
         [centre], [linear], [constant] = completed(surface[None], middle)
         slope = float(linear @ axes[:, 2])
         reach = (_corners(box) - centre) @ axes[:, 2]
@@ -151,16 +154,16 @@ class Tessellator:
         found = []
         for run, name in enumerate(mesh.run_original_id):
             mine = triangles[mesh.run_index[run] // 3 : mesh.run_index[run + 1] // 3]
-            leaf = self.leaves[int(name)]
+            literal = self.literals[int(name)]
             corners = positions[mine]
-            found.append(SolidMesh(leaf, corners, self._normals(leaf, corners)))
+            found.append(SolidMesh(literal, corners, self._normals(literal, corners)))
         return [one for one in found if len(one.corners)]
 
-    def _normals(self, leaf: Leaf, corners: np.ndarray) -> np.ndarray:
+    def _normals(self, literal: Literal, corners: np.ndarray) -> np.ndarray:
         """The gradient of a quadric, turned to the side to which the triangles face; zero on a plane."""
-        if leaf.kind == PLANE:
+        if literal.kind == PLANE:
             return np.zeros_like(corners)
-        surface = self.surface_of(leaf)
+        surface = self.surface_of(literal)
         gradients = (corners - surface[3, :3]) @ surface[:3, :3] + surface[:3, 3] / 2.0
         face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         turned = np.einsum("nij,nj->n", gradients, face) < 0.0
@@ -188,7 +191,7 @@ def _joined(operands: Sequence[tuple[Any, bool]], *, is_union: bool) -> tuple[An
     return (common - m.Manifold.batch_boolean(outside, add) if outside else common), False
 
 
-def _half_space(plane: np.ndarray, box: Box) -> Any:
+def _half_space(plane: np.ndarray, box: np.ndarray) -> Any:
     """What of a box lies in n . P + d < 0."""
     import manifold3d as m
 
@@ -223,13 +226,12 @@ def _real_roots(a: float, b: float, c: float) -> list[float]:
     return sorted(float(root.real) for root in roots if abs(root.imag) <= 1e-9 * (1.0 + abs(root.real)))
 
 
-def _widened(box: Box) -> Box:
-    corners = np.array(box).reshape(2, 3)
-    margin = MARGIN * (corners[1] - corners[0]).max()
-    return (*(corners[0] - margin).tolist(), *(corners[1] + margin).tolist())  # type: ignore[return-value]
+def _widened(box: np.ndarray) -> np.ndarray:
+    margin = MARGIN * (box[3:] - box[:3]).max()
+    return np.concatenate([box[:3] - margin, box[3:] + margin])
 
 
-def _corners(box: Box) -> np.ndarray:
+def _corners(box: np.ndarray) -> np.ndarray:
     """The eight corners (8, 3): number n has the higher x, y, z where bits 0, 1, 2 of n are set."""
-    ends = np.array(box).reshape(2, 3)
+    ends = box.reshape(2, 3)
     return np.array([[ends[n >> axis & 1, axis] for axis in range(3)] for n in range(8)])

@@ -14,18 +14,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from tasuki.diagnostics import Diagnostic, SceneError
-from tasuki.scene.csg import PLANE, QUADRIC, Leaf, negated
+from tasuki.scene.csg import PLANE, QUADRIC, Literals, negated
 from tasuki.scene.kinds import UNIT_MATRIX
 
 TOLERANCE = 2.0**-20
 """Of the size of what is bounded, and of a unit normal: what float32 cannot tell apart along a ray."""
+
+
 ROUNDING = 2.0**-40
 """Of the largest coordinate, and of a unit normal: what float64 leaves between surfaces of one solid that coincide."""
+AT_A_TIME = 1 << 16
+"""Surfaces that are placed in one go: a bound on the memory for their matrices."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Surfaces of one kind, in the scene's coordinates: `values` (n, 4) or (n, 4, 4) as in `Leaf`, float64."""
+    """Surfaces of one kind, in the scene's coordinates: `values` (n, 4) or (n, 4, 4) as in `Literals`, float64."""
 
     values: np.ndarray
 
@@ -63,24 +67,33 @@ class Measures:
     solids: np.ndarray
 
 
-def placed(leaves: Sequence[Leaf], kind: str, inverses: np.ndarray, matrices: np.ndarray) -> Placed:
-    """The surfaces of `leaves`, all of `kind`; `matrices` (n, 4, 4) are their own, to the scene, and `inverses` back.
+def placed(literals: Literals, kind: str, frames: np.ndarray) -> Placed:
+    """The surfaces of all planes, or quadrics, among the literals; `frames` (k, 4, 4) place their coordinates in the
+    scene's.
 
     Normals and Q go by the transpose of the inverse. SceneError where numbers are too large or too small for that.
     """
-    shape = (-1, 4) if kind == PLANE else (-1, 4, 4)
-    values = np.array([leaf.values for leaf in leaves], np.float64).reshape(shape)
-    with np.errstate(all="ignore"):
-        if kind == PLANE:
-            values = np.einsum("nji,nj->ni", inverses, values)
-            values = values / np.linalg.norm(values[:, :3], axis=1, keepdims=True)
-        else:
-            values = _placed_quadrics(values, inverses[:, :3, :3], matrices)
-    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
-    for number in np.flatnonzero(~finite)[:1]:
-        expected = "sizes and places whose squares are within the range of float64"
-        raise SceneError(str(Diagnostic("this solid cannot be placed", leaves[number].place, expected, "infinity")))
+    rows, inverses = literals.of_kind(kind), np.linalg.inv(frames)
+    values, frame = literals.values_of(kind, rows), literals.frame[rows]
+    for first in range(0, len(rows), AT_A_TIME):
+        here = slice(first, first + AT_A_TIME)
+        with np.errstate(all="ignore"):
+            if kind == PLANE:
+                values[here] = _placed_planes(values[here], inverses[frame[here]])
+            else:
+                values[here] = _placed_quadrics(values[here], inverses[frame[here], :3, :3], frames[frame[here]])
+        finite = np.isfinite(values[here]).reshape(len(values[here]), -1).all(axis=1)
+        for number in np.flatnonzero(~finite)[:1]:
+            expected = "sizes and places whose squares are within the range of float64"
+            place = literals.place(rows[first + number])
+            raise SceneError(str(Diagnostic("this solid cannot be placed", place, expected, "infinity")))
     return Placed(_cleaned(values, kind))
+
+
+def _placed_planes(values: np.ndarray, inverses: np.ndarray) -> np.ndarray:
+    """Planes (n, 4) in the scene's coordinates, with unit normals. `inverses` (n, 4, 4)."""
+    values = np.einsum("nji,nj->ni", inverses, values)
+    return values / np.linalg.norm(values[:, :3], axis=1, keepdims=True)
 
 
 def _placed_quadrics(values: np.ndarray, inverses: np.ndarray, matrices: np.ndarray) -> np.ndarray:
@@ -112,8 +125,8 @@ def merged_planes(planes: np.ndarray, measures: Measures) -> Merged:
 
 def merged_quadrics(quadrics: np.ndarray, measures: Measures) -> Merged:
     """Quadrics (n, 4, 4), their largest |Q| 1, merged: alike in Q, middle, opening, and the root of the constant."""
-    turned = _signs(np.array([q[np.triu_indices(3)] for q in quadrics[:, :3, :3]]).reshape(-1, 6)) < 0.0
-    quadrics = np.where(turned[:, None, None], negated(quadrics), quadrics)
+    turned = _signs(quadrics[:, *np.triu_indices(3)]) < 0.0
+    quadrics = np.where(turned[:, None, None], negated(quadrics, QUADRIC), quadrics)
     middle, opening, constant = completed(quadrics, np.zeros(3))
     lengths = np.sign(constant) * np.sqrt(np.abs(constant))
     upper = quadrics[:, *np.triu_indices(3)]
@@ -121,8 +134,8 @@ def merged_quadrics(quadrics: np.ndarray, measures: Measures) -> Merged:
 
 
 def completed(quadrics: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """p, l, r of (P-p)^T Q (P-p) + l . (P-p) = r, for quadrics (n, 4, 4) as in `Leaf`: p the nearest to `near` of all
-    middles.
+    """p, l, r of (P-p)^T Q (P-p) + l . (P-p) = r, for quadrics (n, 4, 4) as in `Literals`: p the nearest to `near` of
+    all middles.
 
     Where a linear term remains (a paraboloid), p moves along it until r is 0. All is found about the p that is given,
     and moved from there only along what leaves the equation as it is.
@@ -158,60 +171,74 @@ def _merged(ratios: np.ndarray, lengths: np.ndarray, measures: Measures, turned:
 
     Where faces of one solid are among them, what lies between those is the measure.
     """
-    features = np.column_stack([ratios, lengths])
-    allowed, rounding = (
-        share * np.column_stack([np.ones_like(ratios), np.broadcast_to(measure[:, None], lengths.shape)])
-        for share, measure in ((TOLERANCE, measures.sizes), (ROUNDING, measures.reach))
-    )
-    thin = np.zeros(len(features), bool)
+    features = [*ratios.T, *lengths.T]
+    ones, sizes = np.broadcast_to(1.0, len(turned)), measures.sizes * TOLERANCE
+    allowed = [np.broadcast_to(TOLERANCE, len(turned))] * ratios.shape[1] + [sizes] * lengths.shape[1]
+    reach = [ones] * ratios.shape[1] + [measures.reach] * lengths.shape[1]
+    thin = np.zeros(len(turned), bool)
     number = _classes(features, allowed)
-    rows, gaps = _own_faces(features, number, measures.solids, rounding)
+    rows, gaps = _own_faces(features, number, measures.solids, reach)
     while len(rows):
         thin[rows] = True
-        least = np.full((number.max() + 1, features.shape[1]), np.inf)
+        least = np.full((len(turned), len(features)), np.inf)
         np.minimum.at(least, number[rows], gaps)
-        finer = np.minimum(allowed / 2.0, least[number] / 8.0)
-        allowed = np.where(np.isfinite(least[number]), finer, allowed)
+        least = least[number]
+        finer = zip(allowed, least.T, strict=True)
+        allowed = [np.where(np.isfinite(gap), np.minimum(wide / 2.0, gap / 8.0), wide) for wide, gap in finer]
         number = _classes(features, allowed)
-        rows, gaps = _own_faces(features, number, measures.solids, rounding)
-    _, first, number = np.unique(number, return_index=True, return_inverse=True)
-    by_place = np.argsort(first)
-    number = np.argsort(by_place)[number]
-    first = first[by_place]
+        rows, gaps = _own_faces(features, number, measures.solids, reach)
+    first = np.flatnonzero(number == np.arange(len(number)))
+    number = np.searchsorted(first, number)
     return Merged(first, number, turned != turned[first[number]], thin)
 
 
-def _classes(features: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """The class of each row, (n,): along each feature in turn the rows of a class are parted where they leave a gap
-    larger than is `allowed`, (n, ...); until no class has one.
+def _classes(features: Sequence[np.ndarray], allowed: Sequence[np.ndarray]) -> np.ndarray:
+    """The class of each row, called by its first row, (n,): along each feature (n,) in turn the rows of a class are
+    parted where they leave a gap larger than is `allowed`, (n,); until no class has one.
     """
-    number = np.zeros(len(features), np.int64)
-    count = 0
-    while len(features) and number.max() + 1 > count:
-        count = number.max() + 1
-        for column, tolerance in zip(features.T, allowed.T, strict=True):
-            order = np.lexsort((column, number))
-            gaps = np.diff(column[order]) > np.minimum(tolerance[order][1:], tolerance[order][:-1])
-            parted = np.concatenate([[0], np.cumsum(gaps | (np.diff(number[order]) != 0))])
-            number[order] = parted
+    number, rows = np.zeros(len(features[0]), np.intp), np.arange(len(features[0]))
+    whole = 0
+    while len(rows) and whole < len(features):
+        for column, tolerance in zip(features, allowed, strict=True):
+            rows, is_parted = _parted(number, rows, column[rows], tolerance[rows])
+            whole = 0 if is_parted else whole + 1
     return number
 
 
+def _parted(
+    number: np.ndarray, rows: np.ndarray, column: np.ndarray, tolerance: np.ndarray
+) -> tuple[np.ndarray, bool]:
+    """Part the classes of `rows`, called by `number`, where their values in `column` leave a gap: those of `rows` that
+    are not alone in their class then, and whether any class was parted.
+    """
+    order = np.lexsort((column, number[rows]))
+    column, tolerance, here = column[order], tolerance[order], rows[order]
+    gaps = np.diff(column, prepend=-np.inf) > np.minimum(tolerance, np.append(np.inf, tolerance[:-1]))
+    others = np.diff(number[here], prepend=-1) != 0
+    first = np.flatnonzero(gaps | others)
+    sizes = np.diff(first, append=len(here))
+    if len(first):
+        number[here] = np.repeat(np.minimum.reduceat(here, first), sizes)
+    together = np.zeros(len(rows), bool)
+    together[order] = np.repeat(sizes > 1, sizes)
+    return rows[together], bool((gaps & ~others).any())
+
+
 def _own_faces(
-    features: np.ndarray, number: np.ndarray, solids: np.ndarray, rounding: np.ndarray
+    features: Sequence[np.ndarray], number: np.ndarray, solids: np.ndarray, reach: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The rows (k,) which are in one class with another row of their solid that differs by more than `rounding`; and by
-    how much, (k, ...), infinite where a feature is the same.
+    """The rows (k,) which are in one class with another row of their solid that differs by more than rounding, a share
+    of `reach`; and by how much, (k, ...), infinite where a feature is the same.
     """
     shared = np.flatnonzero(np.bincount(number)[number] > 1) if len(number) else number
     order = shared[np.lexsort((solids[shared], number[shared]))]
     own = (number[order[1:]] == number[order[:-1]]) & (solids[order[1:]] == solids[order[:-1]])
-    pairs = np.stack([order[1:][own], order[:-1][own]])
-    gaps = np.abs(features[pairs[0]] - features[pairs[1]])
-    differ = gaps > rounding[pairs[0]]
+    one, other = order[1:][own], order[:-1][own]
+    gaps = np.column_stack([np.abs(column[one] - column[other]) for column in features])
+    differ = gaps > ROUNDING * np.column_stack([column[one] for column in reach])
     apart = differ.any(axis=1)
     gaps = np.where(differ, gaps, np.inf)[apart]
-    return pairs[:, apart].reshape(-1), np.concatenate([gaps, gaps])
+    return np.concatenate([one[apart], other[apart]]), np.concatenate([gaps, gaps])
 
 
 def _quadric_records(records: np.ndarray, quadrics: np.ndarray) -> np.ndarray:
@@ -225,11 +252,3 @@ def _quadric_records(records: np.ndarray, quadrics: np.ndarray) -> np.ndarray:
         records[f"l{column + 1}"] = linear[:, column]
     records["flags"] = np.where(is_sphere & (linear == 0.0).all(axis=1), UNIT_MATRIX, 0)
     return records
-
-
-def kinds_of(leaves: Sequence[Leaf]) -> dict[str, np.ndarray]:
-    """Which leaves are of which kind: their indices, by kind, planes and quadrics first."""
-    kinds = [leaf.kind for leaf in leaves]
-    names = sorted(set(kinds), key=lambda name: (name != PLANE, name != QUADRIC, name))
-    every = np.array(kinds, dtype=object)
-    return {name: np.flatnonzero(every == name) for name in names}

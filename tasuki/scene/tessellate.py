@@ -6,6 +6,7 @@ Curved surfaces become patches with exact normals at their corners. Chords lie w
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,12 @@ import numpy as np
 from tasuki.diagnostics import Diagnostic, SceneError
 from tasuki.scene.csg import PLANE
 from tasuki.scene.flatten import Flat, flatten
+from tasuki.scene.formula import normalised
 from tasuki.scene.model import Scene
-from tasuki.scene.objects import Formulas, Matrices
+from tasuki.scene.objects import Formulas
 from tasuki.scene.shapes import POLYGON, Cones, Polygons, Shapes, Spheres
 from tasuki.scene.solid_mesh import SolidMesh, Tessellator, segments_of
+from tasuki.scene.surfaces import Merged
 
 TOLERANCE = 1.0 / 4096.0
 
@@ -30,8 +33,7 @@ def tessellated(scene: Scene, tolerance: float = TOLERANCE) -> Scene:
     if not scene.shapes.nodes and not len(scene.shapes.spheres) and not len(scene.shapes.cones):
         return scene
     flat = flatten(scene)
-    matrices = Matrices(flat.frames)
-    formulas = Formulas(flat.objects, flat.materials, matrices)
+    formulas = Formulas(flat.objects, flat.materials, flat.frames)
     shapes = flat.shapes
     size = _size(flat, formulas.boxes)
     chord = tolerance * size
@@ -154,7 +156,7 @@ def _no_polygons() -> Polygons:
 
 
 def _objects(flat: Flat, formulas: Formulas, chord: float, size: float) -> list[Polygons]:
-    if not len(formulas.roots):
+    if not len(formulas.numbers):
         return []
     try:
         import manifold3d  # noqa: F401
@@ -162,21 +164,31 @@ def _objects(flat: Flat, formulas: Formulas, chord: float, size: float) -> list[
         hint = "pip install 'tasuki[meshes]'"
         message = "set operations become triangles by the package manifold3d, which is absent"
         raise SceneError(str(Diagnostic(message, hint=hint))) from None
-    surface_of = formulas.placing.placed_surfaces(size)
-    found = []
-    for root, number in zip(formulas.roots, formulas.numbers.tolist(), strict=True):
-        tessellator = Tessellator(chord, surface_of)
-        place = flat.objects[number].place
-        line = place.line if place else 0
-        found += [_of_literal(mesh, line) for mesh in tessellator.meshes(root, place)]
+    merged = formulas.merged(size)
+    objects, found = formulas.objects, []
+    for box, row in zip(formulas.around, formulas.rows.tolist(), strict=True):
+        tessellator = _tessellator(formulas, merged, int(objects.starts[row]), chord)
+        place = objects.places[row]
+        meshes = tessellator.meshes(normalised(objects.forms[objects.form[row]]), box, place)
+        materials, line = objects.literals.material[objects.starts[row] :], place.line if place else 0
+        found += [_of_literal(mesh, int(materials[mesh.literal.number]), line) for mesh in meshes]
     return found
 
 
-def _of_literal(mesh: SolidMesh, line: int) -> Polygons:
+def _tessellator(formulas: Formulas, merged: Mapping[str, Merged], first: int, chord: float) -> Tessellator:
+    """For the object whose literals begin with the one in row `first`."""
+    return Tessellator(
+        chord,
+        lambda literal: formulas.placing.canonical(merged, first + literal.number),
+        lambda literal: formulas.objects.literals.place(first + literal.number),
+    )
+
+
+def _of_literal(mesh: SolidMesh, material: int, line: int) -> Polygons:
     count = len(mesh.corners)
-    curved = mesh.leaf.kind != PLANE
+    curved = mesh.literal.kind != PLANE
     return Polygons(
-        np.full(count, mesh.leaf.material, np.int32),
+        np.full(count, material, np.int32),
         np.full(count, line, np.int64),
         mesh.corners.reshape(-1, 3),
         mesh.normals.reshape(-1, 3),

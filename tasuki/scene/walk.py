@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from tasuki.scene.csg import Join
 from tasuki.scene.formula_text import Expression
 from tasuki.scene.material import PLAIN, Material
 from tasuki.scene.mesh import Mesh
@@ -45,14 +46,6 @@ class Use(NamedTuple):
     solid: Node
     frame: int
     material: int
-    inverted: bool
-
-
-class Join(NamedTuple):
-    """A union or intersection of the `arity` operands that follow."""
-
-    operation: Literal["union", "intersection"]
-    arity: int
     inverted: bool
 
 

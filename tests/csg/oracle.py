@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tasuki.scene.csg import PLANE, Leaf, Tree
+from tasuki.scene.csg import PLANE
+from tests.csg.trees import Leaf, Tree
 
 SAME = 2e-6
 """Relative difference of coefficients below which surfaces are one; those that tests tell apart differ by far more."""

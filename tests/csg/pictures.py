@@ -12,6 +12,7 @@ from tasuki.scene import Camera, Material, Scene
 from tasuki.scene.flatten import flatten
 from tasuki.scene.tree import Node, Union
 from tests.csg.oracle import Oracle
+from tests.csg.trees import trees_in
 
 SIDE = 64
 """Pixels along the side of a picture."""
@@ -65,8 +66,8 @@ def expected(scene: Scene, size: tuple[int, int] = (SIDE, SIDE)) -> tuple[np.nda
     nearest, doubt = np.full(len(origin), FAR), np.zeros(len(origin))
     colour = np.tile(np.array(scene.background), (len(origin), 1))
     decided = np.ones(len(origin), bool)
-    for thing in flat.objects:
-        oracle = Oracle(thing.root, known)
+    for tree in trees_in(flat):
+        oracle = Oracle(tree, known)
         known += oracle.surfaces
         hits = oracle.first_hits(origin, direction)
         ahead = nearest - np.minimum(hits.t, FAR)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tasuki.scene import Scene
-from tasuki.scene.bounds import Box as Bounds
-from tasuki.scene.csg import Tree
-from tasuki.scene.flatten import FlatObject
-from tasuki.scene.objects import Formulas, Matrices
+from tasuki.scene.bounds import EMPTY
+from tasuki.scene.objects import Formulas
 from tasuki.scene.pack import pack
 from tasuki.scene.solids import (
     Box,
@@ -33,18 +33,31 @@ from tests.csg.oracle import Oracle
 from tests.csg.rays import from_all_sides
 from tests.csg.strategies import formulas
 from tests.csg.tracing import CAMERA, SIDES, Traced, trees_of
+from tests.csg.trees import Tree, columns_of
 
 HALF = np.sqrt(0.5)
 
 
-def boxes_of(tree: Tree) -> tuple[Bounds, Bounds] | None:
+Bounds = tuple[float, float, float, float, float, float]
+
+
+def boxes_of_all(trees: Sequence[Tree]) -> np.ndarray:
+    """The boxes (n, 2, 6) around formulas of one scene and around their complements."""
+    objects, frames = columns_of(trees, [0] * len(trees))
+    found = np.empty((len(trees), 2, 6))
+    for batch in Formulas(objects, SIDES, frames).batches():
+        found[batch.members] = np.stack([batch.root.boxes, batch.root.gaps], axis=1)
+    return found
+
+
+def boxes_of(tree: Tree) -> tuple[np.ndarray, np.ndarray] | None:
     """The boxes around a formula and around its complement; None where it is found to hold nothing, or everything."""
-    packed = Formulas([FlatObject(tree, 0, None, None, ())], SIDES, Matrices(np.zeros((0, 4, 4))))
-    return (packed.roots[0].box, packed.roots[0].gap) if packed.roots else None
+    [(box, gap)] = boxes_of_all([tree])
+    return None if (box == EMPTY).all() or (gap == EMPTY).all() else (box, gap)
 
 
-def holds(box: Bounds, points: np.ndarray) -> np.ndarray:
-    return ((points >= np.array(box[:3]) - 1e-9) & (points <= np.array(box[3:]) + 1e-9)).all(axis=1)
+def holds(box: np.ndarray, points: np.ndarray) -> np.ndarray:
+    return ((points >= box[:3] - 1e-9) & (points <= box[3:] + 1e-9)).all(axis=1)
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -60,6 +73,20 @@ def test_nothing_of_a_solid_lies_beyond_its_box(node, seed, reach):
         box, gap = boxes
         assert holds(box, points[inside]).all()
         assert holds(gap, points[~inside]).all()
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.lists(formulas(2), min_size=1, max_size=4), st.integers(1, 4))
+def test_boxes_do_not_depend_on_what_else_there_is(nodes, times):
+    trees = trees_of([node.translate(float(number), 0.0, 0.0) for number in range(times) for node in nodes])
+    alone = np.concatenate([boxes_of_all([tree]) for tree in trees])
+    np.testing.assert_allclose(boxes_of_all(trees), alone, rtol=1e-12, atol=1e-12)
+
+
+def test_four_planes_are_no_quadric():
+    side = HalfSpace((1, 0, 0), (0, 0, 0))
+    [tree] = trees_of([side | Tube((0, 0, 0), (1, 0, 0), 2, 1) | side])
+    assert boxes_of_all([tree])[0, 1].tolist() == [0.0, -np.inf, -np.inf, np.inf, np.inf, np.inf]
 
 
 TIGHT: dict[str, tuple[Node, Bounds]] = {

@@ -21,12 +21,13 @@ from tasuki.modules.objects import object_hit
 from tasuki.programs import Options, executable
 from tasuki.scene import formula, objects
 from tasuki.scene.bounds import EVERYTHING
-from tasuki.scene.csg import QUADRIC, Branch, Leaf, Tree
+from tasuki.scene.csg import QUADRIC
 from tasuki.scene.solids import Box, Sphere
 from tasuki.scene.tree import Difference, Formula, Intersection, Node, Union
 from tests.csg.operands import CENTRE, CUT, WHOLE
 from tests.csg.rays import from_all_sides
 from tests.csg.tracing import FILLERS, Traced, met, roots_of, trees_of
+from tests.csg.trees import Branch, Leaf, Tree
 from tests.machines.running import assert_same_bits
 
 MANY = 2000
@@ -74,11 +75,10 @@ def asked(traced: Traced, origin: np.ndarray, direction: np.ndarray) -> float:
 def no_boxes() -> Iterator[None]:
     """Formulas that are packed here have no bounds: nothing is grouped, nothing passed over."""
 
-    def unbounded(root: formula.Part, leaf_boxes: formula.LeafBoxes) -> formula.Part:
-        parts = [formula.with_boxes(root, leaf_boxes)]
-        for part in parts:
-            part.box = part.gap = EVERYTHING
-            parts += part.parts
+    def unbounded(root: formula.Part, placed: formula.Placed) -> formula.Part:
+        for part in formula.parents_last(formula.with_boxes(root, placed)):
+            part.boxes[:] = part.gaps[:] = EVERYTHING
+            part.states[:] = formula.LOOSE
         return root
 
     with pytest.MonkeyPatch.context() as patch:

@@ -15,11 +15,11 @@ from tasuki.modules.crossing import NOWHERE
 from tasuki.modules.objects import object_facet, object_hit
 from tasuki.renderers.fillers import Traits, default_fillers
 from tasuki.scene import Camera, Material, Scene
-from tasuki.scene.csg import Branch, Leaf, Tree
-from tasuki.scene.flatten import FlatObject, flatten
+from tasuki.scene.flatten import flatten
 from tasuki.scene.kinds import lookup
-from tasuki.scene.objects import Formulas, Matrices
+from tasuki.scene.objects import Formulas, matrix_records
 from tasuki.scene.tree import Node, Union
+from tests.csg.trees import Branch, Leaf, Tree, columns_of, trees_in
 
 OPERANDS = [lookup("plane"), lookup("quadric")]
 FILLERS = default_fillers(Traits((), OPERANDS, transparent=False, nested=False))
@@ -49,7 +49,7 @@ def met(index: i32, origin: vec3, direction: vec3, left: i32) -> tuple[f32, i32,
 
 def roots_of(nodes: Sequence[Node]) -> list[Tree]:
     """The formulas of solids, as they are."""
-    return [one.root for one in flatten(Scene(CAMERA, [Union((node,)) for node in nodes])).objects]
+    return trees_in(flatten(Scene(CAMERA, [Union((node,)) for node in nodes])))
 
 
 def trees_of(nodes: Sequence[Node]) -> list[Tree]:
@@ -71,13 +71,12 @@ class Traced:
 
     def __init__(self, trees: Sequence[Tree], two_sided: Sequence[bool] | None = None) -> None:
         sides = [False] * len(trees) if two_sided is None else two_sided
-        flat = [FlatObject(tree, int(side), None, None, ()) for tree, side in zip(trees, sides, strict=True)]
-        matrices = Matrices(np.zeros((0, 4, 4)))
-        objects = Formulas(flat, SIDES, matrices).lower(np.zeros(3), SIZE, {})
+        flat, frames = columns_of(trees, [int(side) for side in sides])
+        objects = Formulas(flat, SIDES, frames).lower(np.zeros(3), SIZE, {})
         self.rows = np.full(len(trees), -1, np.int32)
         self.rows[objects.numbers] = np.arange(len(objects.numbers))
         empty = {kind.table_name: np.zeros(0, kind.record.numpy_dtype()) for kind in OPERANDS}
-        self.tables = {**empty, **objects.tables, "matrices": matrices.records(np.zeros(3))}
+        self.tables = {**empty, **objects.tables, "matrices": matrix_records(frames, np.zeros(3))}
 
     def met(self, number: Any, origin: np.ndarray, direction: np.ndarray, left: Any = -1, **options: Any) -> Any:
         """What module `met` gives for formula `number`: one for all rays, or one for each."""

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from tasuki.scene.csg import PLANE, Branch
+from tasuki.scene.csg import PLANE
+from tests.csg.trees import Branch
 
 
 def inside(tree, points):

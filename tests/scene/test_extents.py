@@ -33,6 +33,7 @@ from tasuki.scene import (
 )
 from tasuki.scene.kinds import lookup
 from tasuki.scene.pack import pack
+from tests.csg.trees import trees_in
 from tests.modules.primitives import cones, quads, spheres, triangles
 from tests.scene.membership import inside
 from tests.scene.strategies import solids, transforms
@@ -97,8 +98,8 @@ def test_nothing_of_an_object_lies_beyond_its_extent(node, seed):
     ways = draw.normal(size=(2000, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     beyond = radius * (1.0 + 1e-9 + np.concatenate([np.zeros(500), draw.exponential(0.5, 1500)]))
-    (one,) = scene.flat.objects
-    assert not inside(one.root, centre + beyond[:, None] * ways).any()
+    (tree,) = trees_in(scene.flat)
+    assert not inside(tree, centre + beyond[:, None] * ways).any()
 
 
 @pytest.mark.parametrize("make", [spheres, cones, triangles, quads])
