@@ -7,7 +7,7 @@ Each lane keeps its own nearest hit, and hits are ordered by (t, code), so that 
 
 from tasuki.language import any_lane, array, count_lanes, f32, i32, module, select, vec3
 from tasuki.modules.crossing import NOWHERE
-from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, boxes, bvh_nodes
+from tasuki.modules.records import LEAF_MASK, LEAF_SHIFT, bvh_nodes, references
 from tasuki.modules.search import NOTHING, hit_of, nearer_hit
 from tasuki.modules.slabs import slab_entry, slab_ray
 
@@ -28,7 +28,7 @@ def child_entries(code: i32, inverse: vec3, shifted: vec3, far: f32) -> tuple[f3
 
 @module
 def leaf_range(leaf: i32) -> tuple[i32, i32]:
-    """The first place in `boxes` that belongs to a leaf, and the first after it."""
+    """The first place in `references` that belongs to a leaf, and the first after it."""
     first = leaf >> LEAF_SHIFT
     return first, first + (leaf & LEAF_MASK) + 1
 
@@ -40,7 +40,7 @@ def nearest_in_leaf(
     """The nearer of the nearest hit so far and those in a leaf."""
     first, end = leaf_range(leaf)
     for place in range(first, end):
-        nearest, hit = nearer_hit(boxes[place].code, origin, direction, left, nearest, hit)
+        nearest, hit = nearer_hit(references[place].code, origin, direction, left, nearest, hit)
     return nearest, hit
 
 
@@ -50,7 +50,7 @@ def blocked_in_leaf(leaf: i32, origin: vec3, direction: vec3, left: i32, distanc
     first, end = leaf_range(leaf)
     blocked = False
     for place in range(first, end):
-        t = hit_of(boxes[place].code, origin, direction, left, distance)
+        t = hit_of(references[place].code, origin, direction, left, distance)
         blocked = blocked or t < distance
     return blocked
 

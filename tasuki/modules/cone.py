@@ -2,7 +2,11 @@
 
 from tasuki.language import abs, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing, quadratic_crossings
+from tasuki.modules.parts import ENDLESS, along
 from tasuki.modules.records import Cone
+
+LEAST_RISE = 1.0e-6
+"""A cone whose axis rises less lies along the planes."""
 
 
 @module
@@ -49,11 +53,36 @@ def cone_surface(cone: Cone, origin: vec3, direction: vec3, point: vec3) -> tupl
 
 
 @module
-def cone_bounds(cone: Cone) -> tuple[vec3, vec3]:
-    """The box of the two end circles: a circle reaches radius * sqrt(1 - axis_i^2) along coordinate axis i."""
-    apex = cone.base + cone.length * cone.axis
+def frustum_bounds(cone: Cone, begin: f32, end: f32) -> tuple[vec3, vec3]:
+    """The box of the circles at two heights: a circle reaches radius * sqrt(1 - axis_i^2) along coordinate axis i."""
     reach = vec3(1.0) - cone.axis * cone.axis
     spread = vec3(sqrt(max(reach.x, 0.0)), sqrt(max(reach.y, 0.0)), sqrt(max(reach.z, 0.0)))
-    base_spread = abs(cone.radius) * spread
-    apex_spread = abs(cone.radius + cone.slope * cone.length) * spread
-    return min(cone.base - base_spread, apex - apex_spread), max(cone.base + base_spread, apex + apex_spread)
+    a = cone.base + begin * cone.axis
+    b = cone.base + end * cone.axis
+    a_spread = abs(cone.radius + cone.slope * begin) * spread
+    b_spread = abs(cone.radius + cone.slope * end) * spread
+    return min(a - a_spread, b - b_spread), max(a + a_spread, b + b_spread)
+
+
+@module
+def cone_bounds(cone: Cone) -> tuple[vec3, vec3]:
+    """The box of the two end circles."""
+    return frustum_bounds(cone, 0.0, cone.length)
+
+
+@module
+def cone_part(cone: Cone, axis: i32, low: f32, high: f32) -> tuple[vec3, vec3]:
+    """The box of the circles that reach between two planes, taken as wide as the widest."""
+    rise = along(cone.axis, axis)
+    widest = max(abs(cone.radius), abs(cone.radius + cone.slope * cone.length)) * sqrt(max(1.0 - rise * rise, 0.0))
+    begin = 0.0
+    end = cone.length
+    if abs(rise) > LEAST_RISE:
+        at_low = (low - widest - along(cone.base, axis)) / rise
+        at_high = (high + widest - along(cone.base, axis)) / rise
+        begin = max(begin, min(at_low, at_high))
+        end = min(end, max(at_low, at_high))
+    part_low, part_high = frustum_bounds(cone, begin, end)
+    if begin > end:
+        part_low, part_high = vec3(ENDLESS), vec3(-ENDLESS)
+    return part_low, part_high

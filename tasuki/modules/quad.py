@@ -2,6 +2,7 @@
 
 from tasuki.language import cross, dot, f32, i32, max, min, module, normalize, select, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing
+from tasuki.modules.parts import segment_part
 from tasuki.modules.polygon import Seen, basis_across, edge_side, seen_along
 from tasuki.modules.records import Quad
 
@@ -62,3 +63,13 @@ def quad_surface(quad: Quad, origin: vec3, direction: vec3, point: vec3) -> tupl
 def quad_bounds(quad: Quad) -> tuple[vec3, vec3]:
     """The box of the corners."""
     return min(min(quad.a, quad.b), min(quad.c, quad.d)), max(max(quad.a, quad.b), max(quad.c, quad.d))
+
+
+@module
+def quad_part(quad: Quad, axis: i32, low: f32, high: f32) -> tuple[vec3, vec3]:
+    """The box of what lies between two planes: of the edges there."""
+    ab_low, ab_high = segment_part(quad.a, quad.b, axis, low, high)
+    bc_low, bc_high = segment_part(quad.b, quad.c, axis, low, high)
+    cd_low, cd_high = segment_part(quad.c, quad.d, axis, low, high)
+    da_low, da_high = segment_part(quad.d, quad.a, axis, low, high)
+    return min(min(ab_low, bc_low), min(cd_low, da_low)), max(max(ab_high, bc_high), max(cd_high, da_high))

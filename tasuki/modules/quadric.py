@@ -2,6 +2,7 @@
 
 from tasuki.language import abs, cross, dot, f32, i32, max, min, module, normalize, select, sqrt, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing, quadratic_crossings
+from tasuki.modules.parts import ENDLESS, along, with_component
 from tasuki.modules.records import SPHERE, Quadric
 
 FAR = 1.0e30
@@ -148,3 +149,17 @@ def quadric_bounds(quadric: Quadric) -> tuple[vec3, vec3]:
         low = min(low, quadric.centre - shift * (1.0 - doubt) - half)
         high = max(high, quadric.centre - shift * (1.0 + doubt) + half)
     return low, high
+
+
+@module
+def quadric_part(quadric: Quadric, axis: i32, low: f32, high: f32) -> tuple[vec3, vec3]:
+    """The box of what lies between two planes, of a sphere; of any other quadric, of everything there."""
+    if quadric.flags & SPHERE == 0:
+        return vec3(-ENDLESS), vec3(ENDLESS)
+    middle = along(quadric.centre, axis)
+    away = max(max(low - middle, middle - high), 0.0)
+    rest = quadric.constant - away * away
+    if rest < 0.0:
+        return vec3(ENDLESS), vec3(-ENDLESS)
+    reach = with_component(vec3(sqrt(rest)), axis, sqrt(quadric.constant))
+    return quadric.centre - reach, quadric.centre + reach

@@ -229,7 +229,7 @@ class View:
 class BVHNode:
     """Two boxes and where they lead: to a node's index, or to -1 - (8 * place + count - 1), a leaf.
 
-    A leaf is `count` primitives, those of `boxes` from `place` on.
+    A leaf is `count` primitives, those of `references` from `place` on.
     """
 
     left_low: vec3
@@ -242,7 +242,9 @@ class BVHNode:
 
 @record
 class Box:
-    """Bounds of one primitive, its code (index * 32 + kind), and what it costs to intersect (a triangle: 1)."""
+    """Bounds of one primitive, or of a part of it, its code (index * 32 + kind), and what it costs to intersect (a
+    triangle: 1).
+    """
 
     low: vec3
     code: i32
@@ -295,6 +297,7 @@ lights = Table(Light)
 views = Table(View)
 bvh_nodes = Table(BVHNode)
 boxes = Table(Box)
+references = Table(Box)
 extent_nodes = Table(ExtentNode)
 picture = Table(Pixel)
 ray_counts = Table(RayCounts)

@@ -3,6 +3,7 @@
 
 from tasuki.language import cross, dot, f32, i32, max, min, module, normalize, select, vec3
 from tasuki.modules.crossing import NOWHERE, first_crossing
+from tasuki.modules.parts import segment_part
 from tasuki.modules.polygon import basis_across, edge_side, seen_along
 from tasuki.modules.records import Triangle
 
@@ -46,3 +47,12 @@ def triangle_bounds(triangle: Triangle) -> tuple[vec3, vec3]:
     low = min(triangle.a, min(triangle.b, triangle.c))
     high = max(triangle.a, max(triangle.b, triangle.c))
     return low, high
+
+
+@module
+def triangle_part(triangle: Triangle, axis: i32, low: f32, high: f32) -> tuple[vec3, vec3]:
+    """The box of what lies between two planes: of the edges there."""
+    ab_low, ab_high = segment_part(triangle.a, triangle.b, axis, low, high)
+    bc_low, bc_high = segment_part(triangle.b, triangle.c, axis, low, high)
+    ca_low, ca_high = segment_part(triangle.c, triangle.a, axis, low, high)
+    return min(ab_low, min(bc_low, ca_low)), max(ab_high, max(bc_high, ca_high))

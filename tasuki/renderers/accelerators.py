@@ -1,7 +1,7 @@
 """The registry of accelerators: how the search for hits is kept short. Used by the renderers, and by files of users.
 
-An accelerator is two modules that search tables, and what fills those tables. The table "boxes" holds, before `build`,
-the bounds, code and cost of every thing in the scene; `build` may put it into another order.
+An accelerator is two modules that search tables, and what fills those tables. The table "boxes" holds the bounds,
+code and cost of every thing in the scene; `build` may put it into another order.
 """
 
 from __future__ import annotations
@@ -52,6 +52,9 @@ def _resolved(value: Any) -> Any:
     return resolve(value) if isinstance(value, str) else value
 
 
+MOST_CUTS = 0.5
+"""How many times the builder of the BVH may cut a thing in two, for each thing in the scene."""
+
 _ACCELERATORS: Registry[Accelerator] = Registry("accelerator")
 
 
@@ -78,7 +81,9 @@ def accelerators() -> tuple[Accelerator, ...]:
 
 
 def _bvh_tables(packed: Packed) -> Tables:
-    return {"bvh_nodes": (rec.BVHNode, max(1, packed.things - 1) if packed.things else 0)}
+    references = packed.things + int(packed.things * MOST_CUTS)
+    nodes = max(1, references - 1) if references else 0
+    return {"references": (rec.Box, references), "bvh_nodes": (rec.BVHNode, nodes)}
 
 
 def _extents_tables(packed: Packed) -> Tables:

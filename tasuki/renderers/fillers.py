@@ -11,6 +11,7 @@ from tasuki.modules.light_paths import trace_mirrors, trace_tree
 from tasuki.modules.local_surfaces import facet_with_local_surfaces, hit_with_local_surfaces
 from tasuki.modules.media import nested_media, own_medium
 from tasuki.modules.objects import facet_of_anything, hit_of_anything, object_bounds
+from tasuki.modules.parts import whole_thing
 from tasuki.modules.search import OBJECT, hit_of_primitive
 from tasuki.modules.shading import diffuse_and_highlight
 from tasuki.modules.surface import facet_of_primitive, plain_texture
@@ -25,9 +26,11 @@ SEEN = {"primitive_hit": "hit", "primitive_surface": "surface"}
 """Dispatch sockets, and the role of the module of each kind of primitives, standing alone, that fills them."""
 BOUNDS = "primitive_bounds"
 """The same of the role "box"; those of objects were found when they were packed."""
+PARTS = "primitive_part"
+"""The same of the role "part", which kinds may lack; objects do."""
 OPERANDS = {"solid_span": "span", "solid_normal": "normal"}
 """The same of solids as operands of set operations."""
-FILLED = {**SEEN, BOUNDS: "box", **OPERANDS}
+FILLED = {**SEEN, BOUNDS: "box", PARTS: "part", **OPERANDS}
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,8 @@ def default_fillers(traits: Traits, accelerator: Accelerator | None = None) -> d
         "hit_of": hit_of_anything if traits.operands else hit_of_primitive,
         "facet_of": facet_of_anything if traits.operands else facet_of_primitive,
         BOUNDS: _cases(traits.standing, "box"),
+        # The last case takes every kind that no other took. It reads nothing: any table that is never empty will do.
+        PARTS: [*_cases(traits.standing, "part"), Case(OBJECT, whole_thing, rec.boxes, "boxes")],
     }
     surfaces = [kind for kind in traits.operands if is_local_surface(kind)]
     if surfaces:

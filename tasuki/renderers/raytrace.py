@@ -119,7 +119,7 @@ class RayTracer:
         if self.accelerator.build is None:
             return 0
         options = Options(("same", "same"), width=1, checked=self.prepared.checked)
-        builder = executable(self.accelerator.resolve("build"), options)
+        builder = executable(self.accelerator.resolve("build"), options, self.fillers())
         arguments = [Same([len(boxes)]), Same([float(size) * ERROR_BOUND])]
         return int(builder.run(arguments, 1, tables=self.prepared.tables())[0][0])
 

@@ -46,6 +46,8 @@ class PrimitiveKind:
     and `box` (bounds). A *solid* may be an operand of set operations; for that it has `span` (whether a ray is IN
     before and after some t, and its next crossing), `normal`, `inside` (IN/OUT at a point) and `box`. With `hit` and
     `surface` beside them it is searched faster where it stands alone; without them it is an object of one operand.
+    Either may have `part` (the box around what lies between two planes: `primitive_part` of `tasuki.modules.parts`), by
+    which the hierarchy's builder may cut what is long and slanting.
     `cost` is that of `hit` in units of a triangle's. Kinds that are not built in are nodes of scene files, under their
     names; their modules work in the node's own coordinates, where a ray's direction may have any length. `number` is
     what the field `kind` of a record holds; `register` gives it.
@@ -60,6 +62,7 @@ class PrimitiveKind:
     span: Any = None
     normal: Any = None
     inside: Any = None
+    part: Any = None
     cost: float = 1.0
     narrow: tuple[Narrow, ...] = ()
     is_built_in: bool = False
@@ -154,6 +157,8 @@ def _builtin(name: str, sort: Literal["solid", "surface"], cost: float = 1.0) ->
         is_built_in=True,
     )
     roles: dict[str, Any] = {role: f"{modules}:{name}_{role}" for role in (*SURFACE, *(SOLID * (sort == "solid")))}
+    if name != "plane":
+        roles["part"] = f"{modules}:{name}_part"
     return replace(kind, **roles)
 
 

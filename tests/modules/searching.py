@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tasuki.language import Case
 from tasuki.mapping import map_module
 from tasuki.modules import bvh, bvh_build, initialise
 from tasuki.modules import records as rec
-from tasuki.modules.search import NOTHING
+from tasuki.modules.parts import whole_thing
+from tasuki.modules.search import NOTHING, OBJECT
 from tasuki.renderers.fillers import Traits, default_fillers
 from tasuki.renderers.raytrace import ERROR_BOUND
 from tasuki.scene.kinds import kinds
@@ -20,13 +23,28 @@ FILLERS = default_fillers(Traits(kinds(), nested=False))
 NUMBERS = {kind.name: kind.number for kind in kinds()}
 
 
-def build_over(boxes: np.ndarray, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """(nodes, boxes as the builder sorted them) of the hierarchy over `boxes`."""
-    nodes = records(rec.BVHNode, max(1, len(boxes) - 1))
-    boxes = boxes.copy()
-    tables = {"boxes": boxes, "bvh_nodes": nodes}
-    [count] = map_module(bvh_build.build_bvh, np.int32([len(boxes)]), np.float32(slack), tables=tables, width=1)
-    return nodes[:count], boxes
+WHOLE = {"primitive_part": [Case(OBJECT, whole_thing, rec.boxes, "boxes")]}
+"""Of nothing in the scene a part is known."""
+
+
+def build_over(
+    boxes: np.ndarray,
+    slack: float = 0.0,
+    *,
+    room: int = 0,
+    fill: Mapping[str, Any] = WHOLE,
+    primitives: Mapping[str, np.ndarray] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(nodes, references) of the hierarchy over `boxes`, of which `room` may be cut.
+
+    `fill` says how parts of primitives are found, in the tables `primitives`.
+    """
+    references = records(rec.Box, len(boxes) + room)
+    nodes = records(rec.BVHNode, max(1, len(references) - 1))
+    tables = {**(primitives or {}), "boxes": boxes, "references": references, "bvh_nodes": nodes}
+    arguments = np.int32([len(boxes)]), np.float32(slack)
+    [count] = map_module(bvh_build.build_bvh, *arguments, fill=fill, tables=tables, width=1)
+    return nodes[:count], references
 
 
 @dataclass
@@ -50,8 +68,9 @@ class Scene:
             map_module(initialise.initialise_object, items, codes, costs, fill=FILLERS, tables=given)
         finite = np.concatenate([boxes["low"], boxes["high"]])
         scale = np.abs(finite[np.abs(finite) < 1e29]).max(initial=reach)
-        nodes, boxes = build_over(boxes, scale * ERROR_BOUND)
-        return cls(primitives, {**tables, "boxes": boxes, "bvh_nodes": nodes})
+        slack = scale * ERROR_BOUND
+        nodes, references = build_over(boxes, slack, room=len(boxes) // 2, fill=FILLERS, primitives=tables)
+        return cls(primitives, {**tables, "boxes": boxes, "references": references, "bvh_nodes": nodes})
 
     def nearest(self, origin: np.ndarray, direction: np.ndarray, left: Any = NOTHING, **options: Any) -> Any:
         left = np.broadcast_to(np.int32(left), len(origin))

@@ -87,9 +87,12 @@ def boxes_of(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return result
 
 
-def check_tree(nodes: np.ndarray, boxes: np.ndarray, slack: float) -> int:
-    """Every box is in exactly one leaf, every child's box holds what is below it. Returns the depth of the tree."""
-    seen = np.zeros(len(boxes), int)
+def check_tree(nodes: np.ndarray, references: np.ndarray, slack: float) -> tuple[int, np.ndarray]:
+    """Every reference is in at most one leaf, every child's box holds what is below it.
+
+    Returns the depth of the tree, and the references that are in leaves.
+    """
+    seen = np.zeros(len(references), int)
     visited = np.zeros(len(nodes), int)
     deepest = 0
     waiting = [(0, 0, None, None)]
@@ -109,16 +112,13 @@ def check_tree(nodes: np.ndarray, boxes: np.ndarray, slack: float) -> int:
         leaf = -1 - code
         first, count = leaf >> LEAF_SHIFT, (leaf & LEAF_MASK) + 1
         seen[first : first + count] += 1
-        mine = boxes[first : first + count]
+        mine = references[first : first + count]
         assert (low <= mine["low"] - np.float32(slack)).all()
         assert (mine["high"] + np.float32(slack) <= high).all()
+    # A single leaf is entered twice: a node has two children.
+    assert seen.max() <= (1 if len(nodes) > 1 else 2)
     assert (visited == 1).all()
-    if len(nodes) > 1:
-        assert (seen == 1).all()
-    else:
-        # A single leaf is entered twice: a node has two children.
-        assert (seen >= 1).all()
-    return deepest
+    return deepest, references[seen > 0]
 
 
 def random_boxes(count: int) -> np.ndarray:
@@ -173,11 +173,46 @@ INPUTS = {
 def test_trees(name):
     given = INPUTS[name]()
     slack = 2.0**-18
-    nodes, boxes = build_over(given, slack)
+    nodes, references = build_over(given, slack)
+    depth, held = check_tree(nodes, references, slack)
     # Sorted, none lost.
-    np.testing.assert_array_equal(np.sort(boxes, order="code"), np.sort(given, order="code"))
+    np.testing.assert_array_equal(np.sort(held, order="code"), np.sort(given, order="code"))
     assert len(nodes) <= max(1, len(given) - 1)
-    assert check_tree(nodes, boxes, slack) < bvh.STACK_SIZE
+    assert depth < bvh.STACK_SIZE
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_trees_whose_boxes_are_cut(name):
+    """What is cut is held by the boxes of its parts together: a point of the whole is in one of them."""
+    given = INPUTS[name]()
+    given["code"] = np.arange(len(given))
+    room = len(given) // 2
+    nodes, references = build_over(given, 2.0**-18, room=room)
+    depth, held = check_tree(nodes, references, 2.0**-18)
+    assert depth < bvh.STACK_SIZE
+    assert len(given) <= len(held) <= len(given) + room
+    place = np.random.default_rng(3).uniform(0, 1, (len(given), 20, 3))
+    points = given["low"][:, None] + place * (given["high"] - given["low"])[:, None].astype(np.float64)
+    whole = given[held["code"]]
+    assert (held["low"] >= whole["low"]).all()
+    assert (held["high"] <= whole["high"]).all()
+    mine = points[held["code"]]
+    inside = ((held["low"][:, None] <= mine) & (mine <= held["high"][:, None])).all(axis=2)
+    covered = np.zeros((len(given), 20), bool)
+    np.logical_or.at(covered, held["code"], inside)
+    assert covered.all()
+
+
+def test_long_slanting_boxes_are_cut():
+    """Diagonal sticks that cross: whole boxes all overlap, parts do not; so a ray asks for fewer of them."""
+    draw = np.random.default_rng(9)
+    rows = cones(9, 400)
+    rows["base"], rows["length"], rows["radius"], rows["slope"] = draw.uniform(-9, 9, (400, 3)), 8, 0.05, 0
+    scene = Scene.of(cone=rows)
+    _, held = check_tree(scene.tables["bvh_nodes"], scene.tables["references"], 0.0)
+    assert 1.3 * len(rows) < len(held) <= 1.5 * len(rows)
+    whole = (scene.tables["boxes"]["high"] - scene.tables["boxes"]["low"]).prod(axis=1).sum()
+    assert (held["high"] - held["low"]).prod(axis=1).sum() < 0.8 * whole
 
 
 def test_a_tree_over_nothing_has_no_nodes():
