@@ -126,14 +126,14 @@ def end_or_wait(path: Path, pixel: i32, place: i32, is_first: bool) -> i32:
 
 
 @module
-def begin_wave(place: i32, number: i32, sample: i32) -> i32:
-    """Follow one eye ray through the pixel at a place of the region, as `raytrace.trace_pixel` does; `number` is where
-    the path waits.
+def begin_wave(place: i32, number: i32, first: i32, sample: i32) -> i32:
+    """Follow one eye ray through the pixel at a place of the region, as `raytrace.trace_pixel` does; the path waits at
+    `first + number`.
     """
     view = views[0]
     pixel = (place >> 16 & 65535) * view.region_width + (place & 65535)
     path = along_mirrors(path_of(view, eye_direction(view, place, sample)), view, waves[0].fewest)
-    return end_or_wait(path, pixel, number, sample == 0)
+    return end_or_wait(path, pixel, first + number, sample == 0)
 
 
 @module

@@ -48,6 +48,7 @@ class RayTracer:
         compiling = REPORT.seconds
         started = perf_counter()
         self.accelerator = lookup(options.accelerator)
+        self._pixels = options.region.width * options.region.height
         self.prepared = PreparedScene(
             scene,
             self._tables,
@@ -68,7 +69,7 @@ class RayTracer:
         if options.machine == "pu":
             self.microcode = self._microcode()
         elif self._has_waves():
-            self.waves = WaveTracer(self.prepared)
+            self.waves = WaveTracer(self.prepared, self._pixels, self.options.threads)
         else:
             self.program = self.prepared.compile(raytrace.trace_pixel, "items")
 
@@ -76,13 +77,12 @@ class RayTracer:
 
     def _tables(self, packed: Packed) -> dict[str, Any]:
         """What tracing needs beside the scene."""
-        pixels = self.options.region.width * self.options.region.height
         return {
             **self.accelerator.tables(packed),
             "views": (rec.View, 1),
-            "picture": (rec.Pixel, pixels),
-            "ray_counts": (rec.RayCounts, pixels),
-            **(wave_tables(pixels) if self.options.machine == "cpu" else {}),
+            "picture": (rec.Pixel, self._pixels),
+            "ray_counts": (rec.RayCounts, self._pixels),
+            **(wave_tables(self._pixels, self.options.threads) if self.options.machine == "cpu" else {}),
         }
 
     def _check_depth(self) -> None:
@@ -157,7 +157,8 @@ class RayTracer:
     def _trace_packets(self, places: np.ndarray, progress: Progress | None) -> None:
         samples, threads = self.options.samples, self.options.threads
         if self.waves:
-            self.waves.trace(places, samples, threads, TILE * TILE * CHUNK_TILES, progress)
+            # Profiles are counted by one thread.
+            self.waves.trace(places, samples, 1 if self.options.profile else threads, progress)
             return
 
         # Many samples make a pixel slow: small chunks keep progress, and Ctrl-C, prompt.

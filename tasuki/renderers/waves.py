@@ -5,6 +5,9 @@ Used by the ray tracer alone, for scenes in which nothing is transparent: there 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -14,17 +17,19 @@ from tasuki.modules import waves
 from tasuki.native.compile import lanes
 from tasuki.renderers.prepared import PreparedScene
 
-BAND = 1 << 18
-"""Pixels whose paths may wait together: enough to find neighbours, few enough to stay in the cache."""
-CHUNK = 1024
-"""Rays of a wave that a thread takes at a time."""
+BAND = 1 << 17
+"""Pixels whose paths may wait together, at most: the more they are, the nearer are their neighbours once sorted."""
+PROMPT = 0.1
+"""Seconds between two looks at how far the threads are."""
 SPARSE = 0.5
 """Rays part when a smaller share of a packet's lanes has one left (measured: docs/benchmarks.md)."""
 
 
-def wave_tables(pixels: int) -> dict[str, Any]:
-    """What the steps need beside the ray tracer's own tables: paths wait in either half, by turns."""
-    places = 2 * min(pixels, BAND)
+def wave_tables(pixels: int, threads: int) -> dict[str, Any]:
+    """What the steps need beside the ray tracer's own tables. Each thread has room for the paths of two bands: those
+    that wait, and those that are going to.
+    """
+    places = 2 * _band(pixels, threads) * threads
     return {
         "waves": (waves.Wave, 1),
         "waiting_paths": (waves.WaitingPath, places),
@@ -38,14 +43,16 @@ class WaveTracer:
     `waited` counts the rays that waited in the last picture.
     """
 
-    def __init__(self, prepared: PreparedScene) -> None:
+    def __init__(self, prepared: PreparedScene, pixels: int, threads: int) -> None:
         self.prepared = prepared
-        self.begin = prepared.compile(waves.begin_wave, "items", "number", "same")
+        self.band = _band(pixels, threads)
+        self.rooms = range(0, 2 * self.band * threads, 2 * self.band)
+        self.begin = prepared.compile(waves.begin_wave, "items", "number", "same", "same")
         self.search = prepared.compile(waves.search_wave, "items")
         self.shade = prepared.compile(waves.shade_wave, "items", "number", "same")
-        self.half = len(prepared.memory.table("waiting_paths")) // 2
-        self.threads = 1
         self.waited = 0
+        self._done = 0
+        self._stopped = False
         self._profile: dict[tuple[str, str], EdgeProfile] = {}
         wave = prepared.memory.table("waves")
         wave["fewest"] = round(SPARSE * lanes())
@@ -55,38 +62,71 @@ class WaveTracer:
             wave["low"] = low - prepared.packed.origin
             wave["scale"] = waves.CELLS / np.maximum(high - low, 1e-30)
 
-    def trace(self, places: np.ndarray, samples: int, threads: int, chunk: int, progress: Progress | None) -> None:
+    def trace(self, places: np.ndarray, samples: int, threads: int, progress: Progress | None) -> None:
         """Trace the pixels at these places, row * 65536 + column each; colour and coverage are means over the samples.
 
-        `chunk` pixels at a time go to each of `threads` threads.
+        Each of `threads` threads, no more than there is room for, takes a band of the picture through all its waves. On
+        Ctrl-C they stop at the end of a step.
         """
-        self.threads, self.waited, self._profile = threads, 0, {}
-        bands = np.array_split(places, -(-len(places) // self.half))
-        turns = [(band, sample) for band in bands for sample in range(samples)]
+        self.waited, self._done, self._profile, self._stopped = 0, 0, {}, False
+        bands = np.array_split(places, max(-(-len(places) // self.band), min(threads, len(places))))
+        rooms: SimpleQueue[int] = SimpleQueue()
+        for first in self.rooms:
+            rooms.put(first)
+        with ThreadPoolExecutor(threads) as pool:
+            turns = [pool.submit(self._trace_band, band, samples, rooms) for band in bands]
+            try:
+                self._watch(turns, len(bands) * samples, progress)
+            except BaseException:
+                self._stopped = True
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+    def _watch(self, turns: Sequence[Future[int]], steps: int, progress: Progress | None) -> None:
+        """Until all threads have finished, say how many of the steps, a sample of a band each, are done."""
+        running = set(turns)
+        while running:
+            finished, running = wait(running, PROMPT, FIRST_EXCEPTION)
+            self.waited += sum(turn.result() for turn in finished)
+            if progress:
+                progress(self._done / steps)
+
+    def _trace_band(self, places: np.ndarray, samples: int, rooms: SimpleQueue[int]) -> int:
+        """Trace some pixels; how many rays waited."""
+        room = rooms.get()
         try:
-            for done, (band, sample) in enumerate(turns):
-                self._trace_band(band, sample, chunk)
-                if progress:
-                    progress((done + 1) / len(turns))
+            return sum(self._trace_sample(places, sample, room) for sample in range(samples))
         finally:
-            # Pixels hold sums; as interrupted pictures are kept, theirs, too, become means.
-            if samples > 1:
-                picture = self.prepared.memory.table("picture")
-                for name in ("colour", "coverage"):
-                    picture[name] *= np.float32(1.0 / samples)
+            rooms.put(room)
+            self._average(places, samples)
 
-    def _trace_band(self, places: np.ndarray, sample: int, chunk: int) -> None:
-        keys = self._run(self.begin, places, chunk, Number(), Same([sample]))
-        first = 0
+    def _trace_sample(self, places: np.ndarray, sample: int, room: int) -> int:
+        keys = self._run(self.begin, places, Number(), Same([room]), Same([sample]))
+        first = room
+        waited = 0
         while len(waiting := _sorted_by(keys) + np.int32(first)):
-            self.waited += len(waiting)
-            waiting = waiting[_sorted_by(self._run(self.search, waiting, CHUNK))]
-            first = self.half - first
-            keys = self._run(self.shade, waiting, CHUNK, Number(), Same([first]))
+            waited += len(waiting)
+            waiting = waiting[_sorted_by(self._run(self.search, waiting))]
+            first = 2 * room + self.band - first
+            keys = self._run(self.shade, waiting, Number(), Same([first]))
+        self._done += 1
+        return waited
 
-    def _run(self, program: Executable, items: np.ndarray, chunk: int, *others: Argument) -> np.ndarray:
+    def _average(self, places: np.ndarray, samples: int) -> None:
+        """Make means of the sums that these pixels hold."""
+        if samples == 1:
+            return
+        pixels = (places >> 16 & 65535) * self.prepared.memory.table("views")["region_width"] + (places & 65535)
+        picture = self.prepared.memory.table("picture")
+        for name in ("colour", "coverage"):
+            picture[name][pixels] *= np.float32(1.0 / samples)
+
+    def _run(self, program: Executable, items: np.ndarray, *others: Argument) -> np.ndarray:
+        """One step, in this thread; no item where it has been stopped."""
+        if self._stopped:
+            items = items[:0]
         tables = self.prepared.tables()
-        (keys,) = program.run([Items([items]), *others], len(items), tables=tables, threads=self.threads, chunk=chunk)
+        (keys,) = program.run([Items([items]), *others], len(items), tables=tables, chunk=len(items))
         for edge in program.profile:
             pair = (edge.caller, edge.callee)
             known = self._profile.get(pair, EdgeProfile(*pair, 0, 0, 0))
@@ -97,6 +137,11 @@ class WaveTracer:
     def profile(self) -> list[EdgeProfile]:
         """What the last picture cost in each module, all steps together."""
         return list(self._profile.values())
+
+
+def _band(pixels: int, threads: int) -> int:
+    """Pixels of a band: as many as may be, as long as each thread has one."""
+    return min(BAND, -(-pixels // threads))
 
 
 def _sorted_by(keys: np.ndarray) -> np.ndarray:
