@@ -64,6 +64,9 @@ def _optimise(module: Any, machine: Any) -> None:
     llvm = _binding()
     builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
     passes = llvm.create_new_module_pass_manager()
+    # What is to be inlined is made small first.
+    passes.add_sroa_pass()
+    passes.add_simplify_cfg_pass()
     passes.add_always_inliner_pass()
     passes.add_global_dead_code_eliminate_pass()
     passes.add_sroa_pass()

@@ -39,7 +39,7 @@ def emit_kernel(
     function = program.functions[program.entry]
     lowered = lower_program(program, pattern(function, bindings, width), width, checked=checked, profile=profile)
     launch = _Launch(function, bindings, sorted_tables(program), lowered, width).emit()
-    parts = [*lowered.declarations.lines.values(), "", REPORT if checked else "", *lowered.functions, launch]
+    parts = [*lowered.declarations.lines.values(), "", REPORT if checked else "", launch, *lowered.functions]
     return Kernel("\n".join(parts), lowered.sites, lowered.profiled)
 
 

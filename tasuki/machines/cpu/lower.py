@@ -31,7 +31,11 @@ from tasuki.machines.cpu.variance import BlockPath, Pattern, Variance, VarianceA
 
 @dataclass
 class Lowered:
-    """LLVM functions for a program, and what the host must know about them."""
+    """LLVM functions for a program, and what the host must know about them.
+
+    Every function stands before those that it calls: so LLVM's inliner, which takes them in this order, copies each
+    instruction once to where it ends up, and not again for each level of calls.
+    """
 
     entry: str
     result_varying: tuple[bool, ...]
@@ -49,7 +53,7 @@ def lower_program(program: ir.Program, pattern: Pattern, width: int, *, checked:
     entry = module.function(program.entry, pattern)
     variance = module.analysis.analyse(program.entry, pattern)
     varying = tuple(reason is not None for reason in variance.result)
-    return Lowered(entry, varying, module.texts, module.declarations, module.checker.sites, module.counters.edges)
+    return Lowered(entry, varying, module.texts[::-1], module.declarations, module.checker.sites, module.counters.edges)
 
 
 class ModuleLowering:
