@@ -26,7 +26,6 @@ from tests.extending import EXAMPLES, brought, registries
 DATA = Path(__file__).parent / "data"
 CAMERA = Camera(eye=(1.0, -9.0, 4.0), at=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0), angle=40.0, resolution=(48, 36))
 LIGHTS = (PointLight((3.0, -5.0, 6.0)),)
-SCENES = {"torus": [], "bilinear": [], "textures": [], "image_texture": [], "grid": ["--accelerator", "grid"]}
 
 
 STRAYING = """
@@ -75,19 +74,6 @@ def picture(scene: Scene, accelerator: str) -> RayTracer:
 def test_no_example_has_a_hundred_lines():
     for file in EXAMPLES.glob("*.py"):
         assert len(file.read_text().splitlines()) < 100, file
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_examples_run_as_they_say(name, tmp_path):
-    out, stats = tmp_path / "out.png", tmp_path / "stats.json"
-    arguments = ["--with", EXAMPLES / f"{name}.py", *SCENES[name], "-o", out, "--stats", stats, "--size", "48x32"]
-    result = tasuki("render", EXAMPLES / f"{name}.yaml", *arguments)
-    assert result.exit_code == 0, result.stderr
-    report = json.loads(stats.read_text())
-    assert out.exists()
-    assert report["rays"]["eye_hits"] > 400
-    brought_by = {Path(row["file"]).parent.name for row in report["modules"]}
-    assert "examples" in brought_by
 
 
 def test_info_schema_and_modules_know_what_is_brought():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import re
 import runpy
 import shlex
@@ -50,10 +51,13 @@ def test_the_page_leads_to_files_that_are_there():
 @pytest.mark.parametrize("command", COMMANDS, ids=scene_of)
 def test_every_command_of_the_page_makes_a_picture(command, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
-    picture = tmp_path / "picture.png"
+    picture, stats = tmp_path / "picture.png", tmp_path / "stats.json"
     with registries():
-        result = CliRunner().invoke(app, [*command, *SMALL, "--output", str(picture)])
+        result = CliRunner().invoke(app, [*command, *SMALL, "--output", str(picture), "--stats", str(stats)])
     assert result.exit_code == 0, result.stderr
+    report = json.loads(stats.read_text())
+    assert report["rays"]["eye_hits"] > 700
+    assert ("examples" in {Path(row["file"]).parent.name for row in report["modules"]}) == ("--with" in command)
     pixels = np.asarray(Image.open(picture).convert("RGB"))
     assert pixels.shape == (48, 64, 3)
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 100, "the picture is nearly of one colour"

@@ -35,9 +35,9 @@ def rendered(scene: Scene, **options) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["still_life.nff", "pavilion.yaml"])
-@pytest.mark.parametrize("width", [None, 5])
-def test_the_interpreter_draws_the_same_picture(name, width):
-    options = RenderOptions(40, 30, depth=4, region=Region(9, 11, 22, 14))
+@pytest.mark.parametrize(("width", "region"), [(None, Region(9, 11, 22, 14)), (5, Region(12, 12, 13, 7))])
+def test_the_interpreter_draws_the_same_picture(name, width, region):
+    options = RenderOptions(40, 30, depth=4, region=region)
     tracer = RayTracer(load_scene(DATA / name), options)
     expected = tracer.render().copy()
     counts = tracer.ray_counts()
