@@ -86,10 +86,13 @@ class MicrocodeTracer:
     # --- the report ---------------------------------------------------------------------------------------------------
 
     def scene_rows(self) -> int:
-        """Rows that the control processor sends to all PUs: the tables that the program reads."""
-        tables, records = self.prepared.tables(), self.compiled.records
-        sent = [name for name in self.compiled.tables if name not in PICTURE_TABLES]
-        return sum(tables[name].count * records[name].rows for name in sent)
+        """Rows that the control processor sends to all PUs: the tables that the program reads, but for places at their
+        ends that the scene has left free. Memory begins as zeros.
+        """
+        rows, places = self.prepared.memory.words, self.prepared.memory.tables
+        sent = [places[name] for name in self.compiled.tables if name not in PICTURE_TABLES]
+        filled = (np.flatnonzero(rows[place.base : place.base + place.rows].any(axis=1)) for place in sent)
+        return sum(int(some[-1]) + 1 for some in filled if len(some))
 
     def system(self, units: int) -> System:
         """So many PUs, with this scene and the options' distribution of work."""

@@ -97,6 +97,15 @@ def test_the_report_adds_up():
     assert all(report["saturating_units"]["control_processor"] is None for report in static)
 
 
+def test_free_places_at_the_end_of_a_table_are_not_sent():
+    tracer = RayTracer(load_scene(DATA / "still_life.nff"), RenderOptions(4, 3, machine="pu"))
+    sent = tracer.microcode.scene_rows()
+    free = len(tracer.memory.table("bvh_nodes")) - tracer.nodes
+    assert free > 0
+    tracer.memory.table("bvh_nodes")["right_high"][-1] = 1.0
+    assert tracer.microcode.scene_rows() == sent + free * 4
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
