@@ -66,7 +66,7 @@ class WaveTracer:
         """Trace the pixels at these places, row * 65536 + column each; colour and coverage are means over the samples.
 
         Each of `threads` threads, no more than there is room for, takes a band of the picture through all its waves. On
-        Ctrl-C they stop at the end of a step.
+        Ctrl-C they stop at the end of a step; pixels are then means over the samples that had begun.
         """
         self.waited, self._done, self._profile, self._stopped = 0, 0, {}, False
         bands = np.array_split(places, max(-(-len(places) // self.band), min(threads, len(places))))
@@ -94,11 +94,15 @@ class WaveTracer:
     def _trace_band(self, places: np.ndarray, samples: int, rooms: SimpleQueue[int]) -> int:
         """Trace some pixels; how many rays waited."""
         room = rooms.get()
+        waited = begun = 0
         try:
-            return sum(self._trace_sample(places, sample, room) for sample in range(samples))
+            while begun < samples and not self._stopped:
+                begun += 1
+                waited += self._trace_sample(places, begun - 1, room)
         finally:
             rooms.put(room)
-            self._average(places, samples)
+            self._average(places, begun)
+        return waited
 
     def _trace_sample(self, places: np.ndarray, sample: int, room: int) -> int:
         keys = self._run(self.begin, places, Number(), Same([room]), Same([sample]))
@@ -114,7 +118,7 @@ class WaveTracer:
 
     def _average(self, places: np.ndarray, samples: int) -> None:
         """Make means of the sums that these pixels hold."""
-        if samples == 1:
+        if samples <= 1:
             return
         pixels = (places >> 16 & 65535) * self.prepared.memory.table("views")["region_width"] + (places & 65535)
         picture = self.prepared.memory.table("picture")

@@ -82,22 +82,22 @@ def test_rays_that_leave_the_scene_need_no_box():
 
 
 def test_an_interrupted_picture_of_several_samples_has_means(monkeypatch):
-    monkeypatch.setattr(waves, "BAND", 400)
     monkeypatch.setattr(waves, "PROMPT", 1e-4)
-    tracer = RayTracer(balls(), RenderOptions(64, 48, samples=16, depth=4, threads=2))
+    tracer = RayTracer(balls(), RenderOptions(64, 48, samples=32, depth=4, threads=2))
     whole = tracer.render().copy()
+    assert tracer.waves.waited > 0
 
     def interrupt(share: float) -> None:
-        if 0.2 < share < 1.0:
+        if 0.3 < share < 1.0:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         tracer.render(interrupt)
     part = tracer.pixels()
-    assert 0.0 < part[..., 3].mean() < whole[..., 3].mean()
+    # Two bands, each of which has begun some of its samples; of the last one a part may be missing.
+    ratio = part[..., :3].mean() / whole[..., :3].mean()
+    assert 0.8 < ratio < 1.1
     assert part[..., 3].max() <= 1.0
-    assert part[..., :3].max() <= whole[..., :3].max() + 1e-5
-    assert tracer.waves.waited > 0
 
 
 def test_the_profile_counts_all_steps():
