@@ -7,12 +7,12 @@ S. Woop et al., "Watertight Ray/Triangle Intersection", 2013, who shear where we
 corner's distance: small polygons far away are hit where they are.
 """
 
-from tasuki.language import copysign, dot, f32, module, record, vec3
+from tasuki.language import abs, cross, dot, f32, module, record, select, vec3
 
 
 @record
 class Seen:
-    """Where a point lies in the plane across a ray that comes towards us through (0, 0)."""
+    """Where a point lies in the plane across a ray that comes towards us through (0, 0), in the unit of its basis."""
 
     x: f32
     y: f32
@@ -20,16 +20,10 @@ class Seen:
 
 @module
 def basis_across(direction: vec3) -> tuple[vec3, vec3]:
-    """Two unit vectors that make a right-handed basis with a unit direction, the third.
-
-    T. Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
-    """
-    sign = copysign(1.0, direction.z)
-    scale = -1.0 / (sign + direction.z)
-    mixed = direction.x * direction.y * scale
-    right = vec3(1.0 + sign * direction.x * direction.x * scale, sign * mixed, -sign * direction.x)
-    up = vec3(mixed, sign + direction.y * direction.y * scale, -direction.y)
-    return right, up
+    """Two vectors of one length, not far below 1, that make a right-handed basis with a unit direction, the third."""
+    x, y, z = direction.x, direction.y, direction.z
+    right = select(abs(y) > 0.75, vec3(y, -x, 0.0), vec3(z, 0.0, -x))
+    return right, cross(direction, right)
 
 
 @module
@@ -40,7 +34,7 @@ def seen_along(corner: vec3, right: vec3, up: vec3) -> Seen:
 
 @module
 def edge_side(p: Seen, q: Seen) -> f32:
-    """Twice the area between the ray and an edge from p to q; exactly the opposite for the edge from q to p.
+    """In proportion to the area between the ray and an edge from p to q; exactly the opposite for the edge from q to p.
 
     Positive where a ray that meets the polygon's front passes inside.
     """
