@@ -69,7 +69,7 @@ class WaveTracer:
         Ctrl-C they stop at the end of a step; pixels are then means over the samples that had begun.
         """
         self.waited, self._done, self._profile, self._stopped = 0, 0, {}, False
-        bands = np.array_split(places, max(-(-len(places) // self.band), min(threads, len(places))))
+        bands = np.array_split(places, -(-len(places) // min(self.band, _band(len(places), threads))))
         rooms: SimpleQueue[int] = SimpleQueue()
         for first in self.rooms:
             rooms.put(first)
@@ -144,8 +144,10 @@ class WaveTracer:
 
 
 def _band(pixels: int, threads: int) -> int:
-    """Pixels of a band: as many as may be, as long as each thread has one."""
-    return min(BAND, -(-pixels // threads))
+    """Pixels of a band: as many as may be, as long as there are two for each of several threads. Bands differ in what
+    they take: with one each, a thread whose part is all sky would soon have nothing to do.
+    """
+    return min(BAND, -(-pixels // (2 * threads))) if threads > 1 else min(BAND, pixels)
 
 
 def _sorted_by(keys: np.ndarray) -> np.ndarray:
