@@ -54,6 +54,7 @@ class WaveTracer:
         self._done = 0
         self._stopped = False
         self._profile: dict[tuple[str, str], EdgeProfile] = {}
+        self._tables = prepared.tables()
         wave = prepared.memory.table("waves")
         wave["fewest"] = round(SPARSE * lanes())
         bounds = prepared.bounds()
@@ -129,8 +130,7 @@ class WaveTracer:
         """One step, in this thread; no item where it has been stopped."""
         if self._stopped:
             items = items[:0]
-        tables = self.prepared.tables()
-        (keys,) = program.run([Items([items]), *others], len(items), tables=tables, chunk=len(items))
+        (keys,) = program.run([Items([items]), *others], len(items), tables=self._tables, chunk=len(items))
         for edge in program.profile:
             pair = (edge.caller, edge.callee)
             known = self._profile.get(pair, EdgeProfile(*pair, 0, 0, 0))

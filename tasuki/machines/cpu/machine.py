@@ -188,6 +188,7 @@ class _Run:
         self.items = items
         self.padded = -(-max(items, 1) // shape.width) * shape.width
         self.kept: list[np.ndarray] = []
+        self.memories: dict[int, int] = {}
         words: list[int] = []
         for scalars, argument in zip(shape.parameters, arguments, strict=True):
             words += self._bind(scalars, argument)
@@ -231,11 +232,14 @@ class _Run:
             empty = aligned_zeros((64, 4), np.float32)
             self.kept.append(empty)
             return [empty.ctypes.data, 0]
-        address = table.memory.ctypes.data + ROW_BYTES * table.base
-        if address % ROW_BYTES:
+        if id(table.memory) not in self.memories:
+            # Most tables lie in one memory, and NumPy takes its time to say where.
+            self.memories[id(table.memory)] = table.memory.ctypes.data
+            self.kept.append(table.memory)
+        begin = self.memories[id(table.memory)]
+        if begin % ROW_BYTES:
             raise MachineError(f"a memory for this machine begins at a multiple of {ROW_BYTES} bytes")
-        self.kept.append(table.memory)
-        return [address, table.count]
+        return [begin + ROW_BYTES * table.base, table.count]
 
     def results(self) -> list[np.ndarray]:
         pairs = zip(self.outputs, self.shape.result, strict=True)
