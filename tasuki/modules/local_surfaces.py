@@ -13,6 +13,15 @@ from tasuki.modules.surface import Facet, primitive_surface
 
 
 @module
+def is_local_surface(code: i32) -> bool:
+    """Whether a thing is an object that is a surface."""
+    is_surface = False
+    if code & 31 == OBJECT:
+        is_surface = objects[code >> 5].flags & SURFACE != 0
+    return is_surface
+
+
+@module
 def local_surface_hit(index: i32, origin: vec3, direction: vec3, left: i32) -> f32:
     """The first visible crossing of an object that is a surface, with t > 0, or NOWHERE (or NaN)."""
     token = tokens[objects[index].first]
@@ -35,10 +44,7 @@ def local_surface_facet(index: i32, origin: vec3, direction: vec3, t: f32) -> Fa
 @module(fills="hit_of")
 def hit_with_local_surfaces(code: i32, origin: vec3, direction: vec3, left: i32, far: f32) -> f32:
     """For scenes with surfaces of users' kinds."""
-    is_surface = False
-    if code & 31 == OBJECT:
-        is_surface = objects[code >> 5].flags & SURFACE != 0
-    if is_surface:
+    if is_local_surface(code):
         t = local_surface_hit(code >> 5, origin, direction, left)
     else:
         t = hit_of_anything(code, origin, direction, left, far)
@@ -48,10 +54,7 @@ def hit_with_local_surfaces(code: i32, origin: vec3, direction: vec3, left: i32,
 @module(fills="facet_of")
 def facet_with_local_surfaces(code: i32, origin: vec3, direction: vec3, t: f32, left: i32) -> Facet:
     """For scenes with surfaces of users' kinds."""
-    is_surface = False
-    if code & 31 == OBJECT:
-        is_surface = objects[code >> 5].flags & SURFACE != 0
-    if is_surface:
+    if is_local_surface(code):
         facet = local_surface_facet(code >> 5, origin, direction, t)
     else:
         facet = facet_of_anything(code, origin, direction, t, left)

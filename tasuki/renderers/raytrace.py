@@ -49,6 +49,8 @@ class RayTracer:
         started = perf_counter()
         self.accelerator = lookup(options.accelerator)
         self._pixels = options.region.width * options.region.height
+        # Profiles are counted by one thread.
+        self._threads = 1 if options.profile else options.threads
         self.prepared = PreparedScene(
             scene,
             self._tables,
@@ -69,7 +71,7 @@ class RayTracer:
         if options.machine == "pu":
             self.microcode = self._microcode()
         elif self._has_waves():
-            self.waves = WaveTracer(self.prepared, self._pixels, self.options.threads)
+            self.waves = WaveTracer(self.prepared, self._pixels, self._threads)
         else:
             self.program = self.prepared.compile(raytrace.trace_pixel, "items")
 
@@ -82,7 +84,7 @@ class RayTracer:
             "views": (rec.View, 1),
             "picture": (rec.Pixel, self._pixels),
             "ray_counts": (rec.RayCounts, self._pixels),
-            **(wave_tables(self._pixels, self.options.threads) if self.options.machine == "cpu" else {}),
+            **(wave_tables(self._pixels, self._threads) if self.options.machine == "cpu" else {}),
         }
 
     def _check_depth(self) -> None:
@@ -155,17 +157,15 @@ class RayTracer:
         return rows.reshape(region.height, region.width, 4)
 
     def _trace_packets(self, places: np.ndarray, progress: Progress | None) -> None:
-        samples, threads = self.options.samples, self.options.threads
         if self.waves:
-            # Profiles are counted by one thread.
-            self.waves.trace(places, samples, 1 if self.options.profile else threads, progress)
+            self.waves.trace(places, self.options.samples, progress)
             return
 
         # Many samples make a pixel slow: small chunks keep progress, and Ctrl-C, prompt.
-        chunk = TILE * TILE * max(1, CHUNK_TILES // samples)
+        chunk = TILE * TILE * max(1, CHUNK_TILES // self.options.samples)
         arguments = [Items([places])]
         tables = self.prepared.tables()
-        self.program.run(arguments, len(places), tables=tables, threads=threads, chunk=chunk, progress=progress)
+        self.program.run(arguments, len(places), tables=tables, threads=self._threads, chunk=chunk, progress=progress)
 
     def _trace_plainly(self, places: np.ndarray, progress: Progress | None) -> None:
         """Every pixel by the modules' own Python source, one after another: slow, and open to any Python debugger."""

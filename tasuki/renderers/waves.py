@@ -40,11 +40,12 @@ def wave_tables(pixels: int, threads: int) -> dict[str, Any]:
 class WaveTracer:
     """The programs of the steps for one scene, in whose memory there are the `wave_tables`.
 
-    `waited` counts the rays that waited in the last picture.
+    For at most so many pixels, and so many threads. `waited` counts the rays that waited in the last picture.
     """
 
     def __init__(self, prepared: PreparedScene, pixels: int, threads: int) -> None:
         self.prepared = prepared
+        self.threads = threads
         self.band = _band(pixels, threads)
         self.rooms = range(0, 2 * self.band * threads, 2 * self.band)
         self.begin = prepared.compile(waves.begin_wave, "items", "number", "same", "same")
@@ -63,18 +64,18 @@ class WaveTracer:
             wave["low"] = low - prepared.packed.origin
             wave["scale"] = waves.CELLS / np.maximum(high - low, 1e-30)
 
-    def trace(self, places: np.ndarray, samples: int, threads: int, progress: Progress | None) -> None:
+    def trace(self, places: np.ndarray, samples: int, progress: Progress | None) -> None:
         """Trace the pixels at these places, row * 65536 + column each; colour and coverage are means over the samples.
 
-        Each of `threads` threads, no more than there is room for, takes a band of the picture through all its waves. On
-        Ctrl-C they stop at the end of a step; pixels are then means over the samples that had begun.
+        Each thread takes a band of the picture through all its waves. On Ctrl-C they stop at the end of a step; pixels
+        are then means over the samples that had begun.
         """
         self.waited, self._done, self._profile, self._stopped = 0, 0, {}, False
-        bands = np.array_split(places, -(-len(places) // min(self.band, _band(len(places), threads))))
+        bands = np.array_split(places, -(-len(places) // self.band))
         rooms: SimpleQueue[int] = SimpleQueue()
         for first in self.rooms:
             rooms.put(first)
-        with ThreadPoolExecutor(threads) as pool:
+        with ThreadPoolExecutor(self.threads) as pool:
             turns = [pool.submit(self._trace_band, band, samples, rooms) for band in bands]
             try:
                 self._watch(turns, len(bands) * samples, progress)
