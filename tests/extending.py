@@ -16,6 +16,14 @@ from tasuki.renderers.extensions import load_extensions
 from tasuki.scene import kinds, textures
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+PLACES = {
+    "as it is": lambda node: node,
+    "turned": lambda node: node.rotate((1.0, 2.0, 0.5), 65.0).translate(0.2, 0.1, -0.1),
+    "stretched": lambda node: node.scale(1.3, 0.7, 1.6).rotate("x", 40.0),
+    "sheared": lambda node: node.transformed([[1.0, 0.4, 0.0], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0]]),
+    "mirrored": lambda node: node.scale(-1.0, 1.0, 1.0).rotate("y", 30.0),
+}
+"""What may be done to a node."""
 
 
 @contextmanager

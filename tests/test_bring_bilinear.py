@@ -27,7 +27,7 @@ from tasuki.scene import (
 )
 from tasuki.scene.material import Texture
 from tasuki.scene.yaml_format import dump_yaml
-from tests.extending import brought
+from tests.extending import PLACES, brought
 from tests.modules.running import everywhere, exactly, records
 
 COUNT = 2000
@@ -136,14 +136,6 @@ def test_machines_agree_to_the_bit(bilinear):
 
 
 # --- as a node --------------------------------------------------------------------------------------------------------
-
-PLACES = {
-    "as it is": lambda node: node,
-    "turned": lambda node: node.rotate((1.0, 2.0, 0.5), 65.0).translate(0.2, 0.1, -0.1),
-    "stretched": lambda node: node.scale(1.3, 0.7, 1.6).rotate("x", 40.0),
-    "sheared": lambda node: node.transformed([[1.0, 0.4, 0.0], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0]]),
-    "mirrored": lambda node: node.scale(-1.0, 1.0, 1.0).rotate("y", 30.0),
-}
 
 
 @pytest.mark.parametrize("material", [FRONT, BOTH, replace(BOTH, texture=CHECKER)], ids=["front", "both", "checker"])

@@ -8,7 +8,7 @@ import pytest
 from tasuki.renderers.options import RenderOptions
 from tasuki.renderers.raytrace import RayTracer
 from tasuki.scene import Box, Camera, Difference, Group, Material, PointLight, Scene, Solid, Sphere
-from tests.extending import brought
+from tests.extending import PLACES, brought
 from tests.modules.running import everywhere, exactly, random_directions, records
 
 RADII = ((1.0, 0.4), (2.0, 0.05), (1.0, 0.95), (1e-4, 3e-5), (1e4, 4e3))
@@ -150,15 +150,6 @@ def sampled(scene: Scene, inside, samples=3000) -> np.ndarray:
     for t in np.linspace(2.0, 10.0, samples):
         found |= inside(view.eye + t * way)
     return found
-
-
-PLACES = {
-    "as it is": lambda node: node,
-    "turned": lambda node: node.rotate((1.0, 2.0, 0.5), 65.0).translate(0.2, 0.1, -0.1),
-    "stretched": lambda node: node.scale(1.3, 0.7, 1.6).rotate("x", 40.0),
-    "sheared": lambda node: node.transformed([[1.0, 0.4, 0.0], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0]]),
-    "mirrored": lambda node: node.scale(-1.0, 1.0, 1.0).rotate("y", 30.0),
-}
 
 
 @pytest.mark.usefixtures("torus")
